@@ -1,0 +1,69 @@
+"""Railway track profiles, with their uncertainty, from what an ordinary train's sensors record.
+
+    recording = trackprofile.read("run.toml")
+    profile = trackprofile.infer(recording, vehicle)
+    trackprofile.write(profile, "profile.nc")
+
+A recording and a profile are ``xarray.Dataset``s (see `trackprofile.contracts`); everything else
+is a verb on them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trackprofile.comparison import compare as compare
+    from trackprofile.inference.bound import limit as limit
+    from trackprofile.inference.calibration import calibrate as calibrate
+    from trackprofile.inference.estimate import infer as infer
+    from trackprofile.io import read as read
+    from trackprofile.io import write as write
+    from trackprofile.sensor import Sensor as Sensor
+    from trackprofile.spectrum import Spectrum as Spectrum
+    from trackprofile.track import ElasticTrack as ElasticTrack
+    from trackprofile.track import RigidTrack as RigidTrack
+    from trackprofile.vehicle import Vehicle as Vehicle
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "ElasticTrack": "track",
+    "RigidTrack": "track",
+    "Sensor": "sensor",
+    "Spectrum": "spectrum",
+    "Vehicle": "vehicle",
+    "calibrate": "inference.calibration",
+    "compare": "comparison",
+    "infer": "inference.estimate",
+    "limit": "inference.bound",
+    "read": "io",
+    "write": "io",
+}
+
+__all__ = [
+    "ElasticTrack",
+    "RigidTrack",
+    "Sensor",
+    "Spectrum",
+    "Vehicle",
+    "__version__",
+    "calibrate",
+    "compare",
+    "infer",
+    "limit",
+    "read",
+    "write",
+]
+
+
+# Names load on first use (PEP 562), so that `trackprofile --help` answers at once.
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'trackprofile' has no attribute {name!r}")
+    return getattr(import_module(f"trackprofile.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

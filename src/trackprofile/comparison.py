@@ -1,0 +1,298 @@
+"""How a profile agrees with a reference, band by band.
+
+Both are brought onto one grid, aligned by one lag, filtered alike and only then compared: an
+error that is stated as one number for all wavelengths says nothing (EN 13848-2 states accuracy
+per band too).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from trackprofile.bands import BANDS, Band, band_pass_pieces, obstacle, resample, runs
+from trackprofile.contracts import Quality
+from trackprofile.errors import DataError
+
+Array = NDArray[np.float64]
+
+_FLAT = 1e-12  # m; what is left of a straight line is rounding
+_TWO_SIDED_95 = 1.96
+
+
+@dataclass(frozen=True)
+class BandComparison:
+    """One band's agreement, over the points that both profiles know.
+
+    Parameters
+    ----------
+    correlation : of the profile with the reference (Pearson) [-]
+    rms_error_mm : of profile minus reference [mm]
+    reference_rms_mm : of the reference [mm]
+    gain : <profile, reference> / <reference, reference>; 1 where nothing is lost [-]
+    lag_m : how much farther along the profile's features stood before they were aligned [m]
+    coverage_95 : share of points with |error| < 1.96 stated standard deviations; None if not stated
+    stated_rms_mm : root mean square of the stated standard deviation [mm]; None if not stated
+    """
+
+    correlation: float
+    rms_error_mm: float
+    reference_rms_mm: float
+    gain: float
+    lag_m: float
+    coverage_95: float | None = None
+    stated_rms_mm: float | None = None
+
+    def as_dict(self) -> dict[str, float]:
+        """The fields by name, without what the profile does not state."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A profile against a reference over one stretch.
+
+    Parameters
+    ----------
+    bands : per band's name its agreement; None where a number would be wrong
+    from_m, to_m : the stretch that was compared, by the reference's distance [m]
+    notes : one sentence for each band that is None, and for a lag at the end of its range
+    """
+
+    bands: Mapping[str, BandComparison | None]
+    from_m: float
+    to_m: float
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """What `compare --json` prints."""
+        return {
+            "bands": {name: band and band.as_dict() for name, band in self.bands.items()},
+            "from_m": self.from_m,
+            "to_m": self.to_m,
+        }
+
+
+def compare(
+    profile: xr.Dataset,
+    reference: xr.Dataset,
+    *,
+    from_m: float | None = None,
+    to_m: float | None = None,
+    bands: Sequence[Band] = BANDS,
+    largest_lag: float = 5.0,
+) -> Comparison:
+    """Align a profile with a reference and state their agreement per band.
+
+    One lag serves all bands: that which maximises the correlation over D1 and D2 together. Both
+    are filtered over all that they share, then restricted to the stretch, so that its ends are
+    no filter's ends. A gap in either (a point flagged so, a missing elevation, missing rows)
+    splits both: the pieces are filtered apart, and those too short for a band are left out of it.
+
+    Parameters
+    ----------
+    profile, reference : profiles as of `contracts`
+    from_m, to_m : the stretch, by the reference's distance; all that they share if None [m]
+    bands : to state
+    largest_lag : searched to both sides; 0 aligns nothing [m]
+
+    Raises
+    ------
+    DataError : the two share no stretch, or nothing of the stretch asked for.
+
+    Examples
+    --------
+    >>> distance = np.arange(0.0, 400.0, 0.25)
+    >>> level = 0.003 * np.sin(distance / 2) * np.sin(distance / 40)
+    >>> truth = xr.Dataset({"elevation": ("distance", level)}, {"distance": distance})
+    >>> found = xr.Dataset({"elevation": ("distance", 0.9 * level)}, {"distance": distance + 1.5})
+    >>> d1 = compare(found, truth).bands["D1"]
+    >>> print(f"{d1.correlation:.2f} {d1.gain:.2f} {d1.lag_m:.2f}")
+    1.00 0.90 1.50
+    """
+    spacing = min(_median_spacing(profile, "profile"), _median_spacing(reference, "reference"))
+    pair = _on_common_grid(profile, reference, spacing, lag=0.0)
+    lag, notes = _best_lag(pair, _stretch(pair.distance, from_m, to_m), largest_lag)
+    if lag:
+        pair = _on_common_grid(profile, reference, spacing, lag)
+    inside = _stretch(pair.distance, from_m, to_m)
+    compared: dict[str, BandComparison | None] = {}
+    for band in bands:
+        compared[band.name], reason = _compare_band(pair, band, inside, lag)
+        notes += reason
+    first, last = float(pair.distance[0]), float(pair.distance[-1])
+    return Comparison(
+        compared,
+        from_m=first if from_m is None else max(first, from_m),
+        to_m=last if to_m is None else min(last, to_m),
+        notes=notes,
+    )
+
+
+def known_elevation(profile: xr.Dataset) -> Array:
+    """A profile's elevation, NaN at every point that is flagged as a gap [m]."""
+    elevation = profile["elevation"].to_numpy()
+    if "quality" not in profile:
+        return elevation
+    return np.where(profile["quality"].to_numpy() & Quality.GAP, np.nan, elevation)
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Profile and reference on one grid; NaN in both where one has a gap."""
+
+    distance: Array
+    profile: Array
+    reference: Array
+    spacing: float
+    deviations: Mapping[str, Array]
+
+    def obstacle(self, band: Band) -> str:
+        """Why no piece between gaps can carry a band; empty where one can."""
+        pieces = runs(np.isfinite(self.profile))
+        longest = max((piece.stop - piece.start for piece in pieces), default=1)
+        return obstacle(band, self.spacing, (longest - 1) * self.spacing)
+
+    def in_band(self, band: Band) -> tuple[Array, Array]:
+        """Both in a band; NaN where no piece carries it."""
+        return (
+            band_pass_pieces(self.profile, self.spacing, band),
+            band_pass_pieces(self.reference, self.spacing, band),
+        )
+
+
+def _on_common_grid(
+    profile: xr.Dataset, reference: xr.Dataset, spacing: float, lag: float
+) -> _Pair:
+    """The profile moved back by the lag, the reference where it stands."""
+    moved = profile.assign_coords(distance=profile["distance"] - lag)
+    start = max(float(each["distance"][0]) for each in (moved, reference))
+    stop = min(float(each["distance"][-1]) for each in (moved, reference))
+    if stop - start < spacing:
+        raise DataError(
+            f"Profile ({_span(profile)}) and reference ({_span(reference)}) share no stretch; "
+            "compare profiles of the same track, with distances from the same origin."
+        )
+    steps = np.arange(int((stop - start) / spacing + 1e-6) + 1)
+    grid = np.minimum(start + spacing * steps, stop, dtype=np.float64)
+    elevations = np.stack(
+        [resample(each["distance"], known_elevation(each), grid) for each in (moved, reference)]
+    )
+    elevations[:, np.isnan(elevations).any(axis=0)] = np.nan
+    prefix = "standard_deviation_"
+    deviations = {
+        str(name).removeprefix(prefix): np.interp(grid, moved["distance"], moved[name])
+        for name in moved.data_vars
+        if str(name).startswith(prefix)
+    }
+    return _Pair(grid, elevations[0], elevations[1], spacing, deviations)
+
+
+def _best_lag(
+    pair: _Pair, inside: NDArray[np.bool_], largest: float
+) -> tuple[float, tuple[str, ...]]:
+    """The lag of the profile behind the reference, between samples by a spline [m], and notes."""
+    usable = [band for band in BANDS if not pair.obstacle(band)][:2]
+    if not usable or largest <= 0:
+        return 0.0, ()
+    profile, reference = pair.in_band(Band("lag", usable[0].shortest, usable[-1].longest))
+    reference = np.where(inside, reference, np.nan)
+    count = profile.size
+    reach = min(int(np.ceil(largest / pair.spacing)), count - 2)
+    correlation = CubicSpline(
+        pair.spacing * np.arange(-reach, reach + 1),
+        [
+            _correlation(
+                profile[max(shift, 0) : count + shift], reference[max(-shift, 0) : count - shift]
+            )
+            for shift in range(-reach, reach + 1)
+        ],
+    )
+    peaks = correlation.derivative().roots(extrapolate=False)
+    lags = np.append(peaks[np.abs(peaks) < largest], [0.0, -largest, largest])
+    best = float(lags[np.argmax(correlation(lags))])
+    if correlation(best) <= 0:
+        return 0.0, (
+            "No lag correlates the profile with the reference; they were left as they are",
+        )
+    if abs(best) == largest:
+        return best, (
+            f"The best lag is the largest searched, {best:g} m: the two may stand farther apart",
+        )
+    return best, ()
+
+
+def _correlation(one: Array, other: Array) -> float:
+    """Pearson's, over the points where both are known; 0 if either is flat."""
+    known = np.isfinite(one) & np.isfinite(other)
+    if np.count_nonzero(known) < 2:
+        return 0.0
+    one, other = one[known] - one[known].mean(), other[known] - other[known].mean()
+    if min(_rms(one), _rms(other)) < _FLAT:
+        return 0.0
+    return float(one @ other / np.sqrt((one @ one) * (other @ other)))
+
+
+def _compare_band(
+    pair: _Pair, band: Band, inside: NDArray[np.bool_], lag: float
+) -> tuple[BandComparison | None, tuple[str, ...]]:
+    reason = pair.obstacle(band)
+    if reason:
+        return None, (reason,)
+    profile, reference = pair.in_band(band)
+    here = inside & np.isfinite(profile)
+    if np.count_nonzero(here) < 2:
+        return None, (f"Band {band.name}: the stretch lies in gaps or pieces too short for it",)
+    profile, reference = profile[here], reference[here]
+    if min(_rms(profile), _rms(reference)) < _FLAT:
+        return None, (f"Band {band.name}: profile or reference is flat, nothing to correlate",)
+    error = profile - reference
+    stated = pair.deviations.get(band.name, np.full(inside.size, np.nan))[here]
+    known = np.isfinite(stated)
+    return BandComparison(
+        correlation=_correlation(profile, reference),
+        rms_error_mm=1e3 * _rms(error),
+        reference_rms_mm=1e3 * _rms(reference),
+        gain=float(profile @ reference / (reference @ reference)),
+        lag_m=lag,
+        coverage_95=float(np.mean(np.abs(error) < _TWO_SIDED_95 * stated, where=known))
+        if known.any()
+        else None,
+        stated_rms_mm=1e3 * _rms(stated[known]) if known.any() else None,
+    ), ()
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _stretch(distance: Array, from_m: float | None, to_m: float | None) -> NDArray[np.bool_]:
+    """Which points of a grid lie in the stretch."""
+    low = -np.inf if from_m is None else from_m
+    high = np.inf if to_m is None else to_m
+    inside = (distance >= low) & (distance <= high)
+    if not inside.any():
+        raise DataError(
+            f"Nothing to compare from {low:g} to {high:g} m: profile and reference share "
+            f"{distance[0]:g} to {distance[-1]:g} m; choose a stretch in there."
+        )
+    return inside
+
+
+def _median_spacing(profile: xr.Dataset, name: str) -> float:
+    distance = profile["distance"].to_numpy()
+    if distance.size < 2:
+        raise DataError(f"The {name} has {distance.size} point(s); expected at least two.")
+    return float(np.median(np.diff(distance)))
+
+
+def _span(profile: xr.Dataset) -> str:
+    ends = profile["distance"].to_numpy()[[0, -1]]
+    return f"{ends[0]:g} to {ends[1]:g} m"

@@ -1,0 +1,27 @@
+"""The two contracts that everything else is a verb on: a recording and a profile.
+
+Both are an ``xarray.Dataset`` in SI units, the unit of each variable in its ``units`` attribute.
+
+=========  ==============  ===========================================================
+contract   dimension       variables
+=========  ==============  ===========================================================
+recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor channel one
+                           variable of any name, and ``<channel>_valid``
+profile    ``distance``    ``elevation``, ``standard_deviation``, the same per band with
+                           ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5)
+=========  ==============  ===========================================================
+"""
+
+from trackprofile.contracts.profile import KINDS as KINDS
+from trackprofile.contracts.profile import LOADINGS as LOADINGS
+from trackprofile.contracts.profile import Quality as Quality
+from trackprofile.contracts.profile import build_profile as build_profile
+from trackprofile.contracts.profile import validate_profile as validate_profile
+from trackprofile.contracts.recording import QUANTITIES as QUANTITIES
+from trackprofile.contracts.recording import Channel as Channel
+from trackprofile.contracts.recording import build_recording as build_recording
+from trackprofile.contracts.recording import channels as channels
+from trackprofile.contracts.recording import validate_recording as validate_recording
+from trackprofile.contracts.verbs import between as between
+from trackprofile.contracts.verbs import validated as validated
+from trackprofile.contracts.verbs import with_provenance as with_provenance

@@ -1,0 +1,139 @@
+"""The profile: the track's longitudinal level, and how well it is known."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from enum import IntFlag
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from trackprofile.contracts.rows import (
+    check_finite,
+    check_increasing,
+    expect_kind,
+    flags_of,
+    put,
+    refuse_first,
+    said,
+    values_of,
+)
+from trackprofile.errors import DataError
+
+KINDS = ("posterior", "point", "truth")
+LOADINGS = ("unloaded", "loaded")
+
+
+class Quality(IntFlag):
+    """Flags of a profile's points; 0 is good."""
+
+    GAP = 1
+    """No valid sample informed this place."""
+    UNCERTAIN = 2
+    """The standard deviation is close to the prior's."""
+    EDGE = 4
+    """Near an end."""
+    SLOW = 8
+    """The train was slow or stood."""
+
+
+def build_profile(
+    distance: ArrayLike,
+    elevation: ArrayLike,
+    *,
+    kind: str,
+    method: str = "",
+    standard_deviation: ArrayLike | None = None,
+    band_standard_deviations: Mapping[str, ArrayLike] | None = None,
+    quality: ArrayLike | None = None,
+    loading: str = "unloaded",
+    vehicle: str = "",
+    provenance: Iterable[str] = (),
+) -> xr.Dataset:
+    """A profile from arrays in SI units, validated.
+
+    Parameters
+    ----------
+    distance, elevation : (points,) [m]; elevation may be NaN where quality says gap
+    kind : one of `KINDS`; a posterior has a standard deviation
+    method, vehicle : in words
+    standard_deviation : (points,) of the elevation [m]
+    band_standard_deviations : the same within a band of wavelengths, by the band's name [m]
+    quality : (points,) sums of `Quality`; None if all are good
+    loading : one of `LOADINGS`
+    provenance : what was done so far
+
+    Raises
+    ------
+    DataError : see `validate_profile`.
+
+    Examples
+    --------
+    >>> profile = build_profile([0.0, 0.25], [1e-3, 2e-3], kind="point")
+    >>> profile["elevation"].attrs["units"], profile.attrs["kind"]
+    ('m', 'point')
+    """
+    dataset = xr.Dataset(
+        attrs={
+            "kind_of_data": "profile",
+            "kind": kind,
+            "method": method,
+            "loading": loading,
+            "vehicle": vehicle,
+            "provenance": json.dumps(list(provenance), ensure_ascii=False),
+        }
+    )
+    metre = {"units": "m"}
+    put(dataset, "distance", "distance", distance, metre)
+    put(dataset, "elevation", "distance", elevation, metre)
+    if standard_deviation is not None:
+        put(dataset, "standard_deviation", "distance", standard_deviation, metre)
+    for band, values in (band_standard_deviations or {}).items():
+        put(dataset, f"standard_deviation_{band}", "distance", values, metre)
+    flags = np.zeros(dataset.sizes["distance"], np.int8) if quality is None else quality
+    described = {
+        "flag_masks": np.array(list(Quality), np.int8),
+        "flag_meanings": " ".join(str(flag.name).lower() for flag in Quality),
+    }
+    put(dataset, "quality", "distance", flags, described, np.int8)
+    return validate_profile(dataset)
+
+
+def validate_profile(profile: xr.Dataset) -> xr.Dataset:
+    """The profile itself, if it keeps the contract.
+
+    Raises
+    ------
+    DataError : it has fewer than two points, a variable or attribute is missing or unknown;
+        `RowError` where distance does not increase, the elevation is missing outside a gap, or a
+        standard deviation is missing or negative.
+    """
+    expect_kind(profile, "profile")
+    for name, accepted in (("kind", KINDS), ("loading", LOADINGS)):
+        found = said(profile.attrs, name)
+        if found not in accepted:
+            raise DataError(
+                f"A profile's {name} is one of {', '.join(accepted)}, this one says {found!r}."
+            )
+    distance = values_of(profile, "distance", "distance", "m")
+    elevation = values_of(profile, "elevation", "distance", "m")
+    gap = (flags_of(profile, "quality", "distance") & Quality.GAP) != 0
+    if len(distance) < 2:
+        raise DataError(f"A profile needs at least 2 points, this one has {len(distance)}.")
+    check_finite("distance", distance)
+    check_increasing("distance", distance, "m")
+    refuse_first(
+        ~np.isfinite(elevation) & ~(gap & np.isnan(elevation)),
+        "elevation",
+        "there is no finite number and the quality does not say gap (1); mark or remove the row.",
+    )
+    spreads = [str(name) for name in profile if str(name).startswith("standard_deviation")]
+    for name in spreads:
+        spread = values_of(profile, name, "distance", "m")
+        good = ((spread >= 0) & np.isfinite(spread)) | (gap & np.isnan(spread))
+        refuse_first(~good, name, "expected a finite number, zero or more; mend or remove it.")
+    if profile.attrs["kind"] == "posterior" and "standard_deviation" not in spreads:
+        raise DataError("A posterior needs its standard_deviation; without it, it is a point.")
+    return profile

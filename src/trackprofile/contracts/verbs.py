@@ -1,0 +1,87 @@
+"""What can be done with either contract."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from trackprofile.contracts.profile import validate_profile
+from trackprofile.contracts.recording import validate_recording
+from trackprofile.contracts.rows import Array, said, steps_of
+from trackprofile.errors import DataError
+
+
+def validated(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset itself, if it keeps the contract that it names.
+
+    Raises
+    ------
+    DataError : it names neither, or see `validate_recording` and `validate_profile`.
+    """
+    checks = {"recording": validate_recording, "profile": validate_profile}
+    kind = said(dataset.attrs, "kind_of_data")
+    if kind is None or kind not in checks:
+        raise DataError(
+            f"Expected a recording or a profile (attribute kind_of_data), got {kind!r}."
+        )
+    return checks[kind](dataset)
+
+
+def with_provenance(dataset: xr.Dataset, step: str) -> xr.Dataset:
+    """The dataset with one more step in its provenance.
+
+    Examples
+    --------
+    >>> from trackprofile.contracts import build_profile
+    >>> with_provenance(build_profile([0, 1], [0, 0], kind="truth"), "levelled").attrs["provenance"]
+    '["levelled"]'
+    """
+    steps = [*steps_of(dataset), step]
+    return dataset.assign_attrs(provenance=json.dumps(steps, ensure_ascii=False))
+
+
+def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr.Dataset:
+    """A recording or profile restricted to a stretch, both ends included.
+
+    A recording without distance gets one, the integral of its speed over time from 0 m, so that
+    the stretch stays where it is.
+
+    Parameters
+    ----------
+    from_m, to_m : along the track [m]; None leaves that end open
+
+    Raises
+    ------
+    DataError : fewer than two rows remain, or a channel has no valid sample left.
+
+    Examples
+    --------
+    >>> from trackprofile.contracts import build_profile
+    >>> profile = build_profile([0.0, 1.0, 2.0, 3.0], [0.0] * 4, kind="truth")
+    >>> between(profile, 1.0, None)["distance"].values
+    array([1., 2., 3.])
+    """
+    if from_m is None and to_m is None:
+        return dataset
+    if "distance" not in dataset:
+        dataset = dataset.assign(distance=("sample", _run_distance(dataset), {"units": "m"}))
+    distance = dataset["distance"].to_numpy()
+    low = -np.inf if from_m is None else from_m
+    high = np.inf if to_m is None else to_m
+    inside = np.flatnonzero((distance >= low) & (distance <= high))
+    if len(inside) < 2:
+        raise DataError(
+            f"Between {low:g} m and {high:g} m there are {len(inside)} rows of the "
+            f"{dataset.attrs['kind_of_data']}, which runs from {distance[0]:g} m "
+            f"to {distance[-1]:g} m; choose a stretch inside it."
+        )
+    piece = dataset.isel({dataset["distance"].dims[0]: inside})
+    piece = with_provenance(piece, f"between {low:g} m and {high:g} m")
+    return validated(piece)
+
+
+def _run_distance(recording: xr.Dataset) -> Array:
+    time, speed = recording["time"].to_numpy(), recording["speed"].to_numpy()
+    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])

@@ -1,0 +1,46 @@
+"""What can go wrong, by whose hands it can be mended.
+
+Every message is one sentence: what, where, what was expected, what was found, what to do.
+"""
+
+
+class TrackprofileError(ValueError):
+    """Anything that this package refuses; the command line turns it into exit code 1."""
+
+
+class DataError(TrackprofileError):
+    """What was measured cannot be used: a recording, a profile, the contents of a file."""
+
+
+class RowError(DataError):
+    """One row cannot be used; a reader puts its file and column in the place of `variable`.
+
+    Parameters
+    ----------
+    variable : name of the variable, or of the column
+    row : counted from 1, which is the first row of data
+    problem : what was expected, what was found, what to do
+    """
+
+    def __init__(self, variable: str, row: int, problem: str) -> None:
+        super().__init__(variable, row, problem)
+        self.variable, self.row, self.problem = variable, row, problem
+
+    def __str__(self) -> str:
+        return f"{self.variable}, data row {self.row}: {self.problem}"
+
+
+class UnitError(DataError):
+    """A unit is unknown or belongs to another quantity."""
+
+
+class FileError(TrackprofileError):
+    """A file is missing, unreadable, of an unknown format, or has a wrong key."""
+
+
+class ModelError(TrackprofileError):
+    """A vehicle, track or sensor contradicts itself or another."""
+
+
+class UndeterminedError(TrackprofileError):
+    """The data cannot tell what was asked of them."""

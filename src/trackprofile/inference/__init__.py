@@ -1,0 +1,1 @@
+"""From recordings to profiles: the smoother, its limit, and the calibration of vehicles."""

@@ -1,0 +1,221 @@
+"""infer: from a recording to the profile, with the uncertainty of every point and band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from trackprofile.bands import BANDS, FILTER_NAME, Band, band_pass, edge_distance
+from trackprofile.contracts import Quality, build_profile, channels, with_provenance
+from trackprofile.inference.likelihood import Progress
+from trackprofile.inference.measured import (
+    KNOT_SPACING,
+    Measured,
+    Model,
+    measured,
+    prepared_filter,
+    ride_of,
+    row_signals,
+    start_of,
+)
+from trackprofile.inference.noise import find_noise
+from trackprofile.inference.ride import Ride
+from trackprofile.inference.smoother import Filter, knot_variance, prior_draws, smooth
+from trackprofile.sensor import Installation
+from trackprofile.spectrum import Spectrum, markov
+from trackprofile.track import RigidTrack, Track
+from trackprofile.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+SLOW = 3.0
+"""m/s, below which accelerations of the track's long waves drown in any sensor's drift."""
+
+UNINFORMED = 0.7
+"""Share of the prior's standard deviation in D1 from which a place counts as not measured."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What infer found.
+
+    Parameters
+    ----------
+    profile : the profile contract
+    reproduced : by channel, (samples,), the signal that the profile explains; NaN where invalid
+    sample_distance : (samples,), m, where the leading wheel stood
+    model : with the noise and prior that were used
+    notes : what was found or assumed, in sentences
+    log_likelihood : of the recording
+    """
+
+    profile: xr.Dataset
+    reproduced: Mapping[str, Array]
+    sample_distance: Array
+    model: Model
+    notes: tuple[str, ...]
+    log_likelihood: float
+
+
+def infer(
+    recording: xr.Dataset,
+    vehicle: Vehicle,
+    *,
+    installation: Installation | None = None,
+    track: Track | None = None,
+    prior: Spectrum | None = None,
+    draws: int = 64,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """The track's longitudinal profile from what a vehicle's sensors recorded.
+
+    The optimal smoother (theory, section 7): the mean of the posterior of a spline with a Markov prior, given
+    all samples marked valid, with its standard deviation at every point and, from posterior draws, in each of
+    the bands D1, D2 and D3.
+
+    Parameters
+    ----------
+    recording : the recording contract
+    vehicle : the vehicle that carries the sensors
+    installation : of the sensors, from a calibration; None takes the recording's word
+    track : what the wheels stand on; None is a rigid track
+    prior : spectrum of the profile before anything is measured; None finds its level and knee from the data
+    draws : number of posterior draws behind the bands' standard deviations
+    seed : of the draws
+    progress : told the stage and its share done
+
+    Returns
+    -------
+    the profile contract: elevation (m) every 0.25 m where the leading wheel ran
+
+    Raises
+    ------
+    DataError
+        Where the recording is shorter than the vehicle.
+    ModelError
+        Where the vehicle does not have what a sensor stands on.
+    """
+    return estimate(
+        recording, vehicle, installation=installation, track=track, prior=prior, draws=draws,
+        seed=seed, progress=progress,
+    ).profile  # fmt: skip
+
+
+def estimate(
+    recording: xr.Dataset,
+    vehicle: Vehicle,
+    *,
+    installation: Installation | None = None,
+    track: Track | None = None,
+    prior: Spectrum | None = None,
+    draws: int = 64,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Estimate:
+    """As :func:`infer`, with the reproduced signals and what was found on the way."""
+    installation = installation or Installation()
+    progress = progress or (lambda stage, share: None)
+    data = measured(recording, installation)
+    found, notes = find_noise(data, vehicle, track or RigidTrack(), installation, prior, progress)
+    system, ride = ride_of(data, found)
+    progress("smoothing", 0.2)
+    prepared = prepared_filter(data, found, ride, start_of(data, found, system, ride))
+    progress("smoothing", 0.5)
+    profiles, simulated = prior_draws(prepared, draws, np.random.default_rng(seed))
+    together = np.concatenate([row_signals(data, ride), simulated], axis=1)
+    smoothed = smooth(prepared, together)
+    progress("smoothing", 0.8)
+    errors = profiles - smoothed.elevation[:, 1:]
+    spread = np.sqrt(np.maximum(knot_variance(prepared), 0.0))
+    place = (ride.first_knot + np.arange(ride.knots)) * ride.spacing
+    run = data.motion.distance + found.origin
+    inside = slice(*np.searchsorted(place, [run[0], run[-1] + 1e-9]))
+    bands, skipped = _band_spreads(errors, ride.spacing)
+    profile = build_profile(
+        place[inside],
+        smoothed.elevation[inside, 0],
+        kind="posterior",
+        method="smoother",
+        standard_deviation=spread[inside],
+        band_standard_deviations={name: values[inside] for name, values in bands.items()},
+        quality=_quality(place, bands, data, found, ride)[inside],
+        vehicle=vehicle.name,
+    )
+    step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {seed}; bands: {FILTER_NAME}"
+    profile = with_provenance(profile, "; ".join([step, *notes]))
+    progress("smoothing", 1.0)
+    return Estimate(
+        profile,
+        _reproduced(recording, data, ride, smoothed.residual[:, 0]),
+        run,
+        found,
+        (*notes, *skipped),
+        float(smoothed.log_likelihood[0]),
+    )
+
+
+def _band_spreads(errors: Array, spacing: float) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Standard deviation of the error in each band along the track, from draws (knots, draws)."""
+    length = (len(errors) - 1) * spacing
+    spreads, notes = {}, []
+    for band in BANDS:
+        if length < band.longest:
+            notes.append(f"{length:.0f} m are too short for {band.name}, which has waves up to {band.longest:.0f} m")
+            continue
+        spreads[band.name] = _local_rms(band_pass(errors.T, spacing, band), spacing, band)
+    return spreads, tuple(notes)
+
+
+def _local_rms(draws: Array, spacing: float, band: Band) -> Array:
+    """Root mean square over the draws, and along one longest wavelength to make up for their number."""
+    count = max(1, round(band.longest / spacing))
+    return np.sqrt(uniform_filter1d(np.mean(draws**2, axis=0), count, mode="nearest"))
+
+
+def _quality(place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride) -> NDArray[np.int8]:
+    """Flags of every knot."""
+    run = data.motion.distance + model.origin
+    flags = np.zeros(len(place), np.int8)
+    flags[~_seen(place, run[data.valid.any(axis=1)], model)] |= Quality.GAP
+    if "D1" in bands:
+        unmeasured = _prior_spread(model.spectrum, ride, BANDS[0])
+        flags[bands["D1"] > UNINFORMED * unmeasured] |= Quality.UNCERTAIN
+    edge = edge_distance(BANDS[0])
+    flags[(place < run[0] + edge) | (place > run[-1] - edge)] |= Quality.EDGE
+    flags[np.interp(place, run, data.motion.speed) < SLOW] |= Quality.SLOW
+    return flags
+
+
+def _seen(place: Array, sampled: Array, model: Model) -> NDArray[np.bool_]:
+    """Where some wheel ran within a metre of a valid sample."""
+    seen = np.zeros(len(place), bool)
+    for wheel in model.vehicle.wheels:
+        at = sampled - wheel.position
+        nearest = np.clip(np.searchsorted(at, place), 1, len(at) - 1) if len(at) > 1 else np.zeros(len(place), int)
+        distance = np.minimum(np.abs(at[nearest] - place), np.abs(at[nearest - 1] - place))
+        seen |= distance <= 1.0
+    return seen
+
+
+def _prior_spread(spectrum: Spectrum, ride: Ride, band: Band) -> float:
+    """Standard deviation of the prior in a band, m."""
+    process = markov(spectrum, ride.spacing)
+    omega = np.linspace(2 * np.pi / band.longest, 2 * np.pi / band.shortest, 400)
+    turn = np.exp(-1j * omega * ride.spacing)
+    density = process.innovation / np.abs(1 - process.a1 * turn - process.a2 * turn**2) ** 2
+    return float(np.sqrt(np.trapezoid(density, omega) * ride.spacing / np.pi))
+
+
+def _reproduced(recording: xr.Dataset, data: Measured, ride: Ride, residual: Array) -> dict[str, Array]:
+    """Measured less what the model leaves, by channel."""
+    left = np.full(data.signals.shape, np.nan)
+    left[ride.samples, ride.sensors] = residual
+    return {
+        channel.name: data.signals[:, i] - left[:, i] for i, channel in enumerate(channels(recording))
+    }

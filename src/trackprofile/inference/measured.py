@@ -1,0 +1,131 @@
+"""What was measured, brought to what the smoother needs: motion of the leading wheel, sensors, signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from trackprofile.contracts import Channel, channels
+from trackprofile.errors import DataError
+from trackprofile.inference.ride import Ride, build_ride
+from trackprofile.inference.smoother import Filter, Start, prepare, start_of_ride
+from trackprofile.motion import Motion, motion, recorded_step
+from trackprofile.sensor import Installation, Sensor
+from trackprofile.spectrum import Spectrum
+from trackprofile.statespace import UNMODELLED_BANDWIDTH, POLES, StateSpace, state_space
+from trackprofile.track import Track
+from trackprofile.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+KNOT_SPACING = 0.25
+"""m between the spline's knots: EN 13848-2 asks for a sampling distance of at most this."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A recording, ready for any vehicle.
+
+    Parameters
+    ----------
+    motion : of the point whose distance was recorded, n samples
+    sensors : one per channel
+    signals, valid : (n, sensors)
+    step : (sensors,), in which each signal was recorded, 0 if as good as continuous
+    """
+
+    motion: Motion
+    sensors: tuple[Sensor, ...]
+    signals: Array
+    valid: NDArray[np.bool_]
+    step: Array
+
+
+def measured(recording: xr.Dataset, installation: Installation) -> Measured:
+    """Take a recording apart; calibrated sensors replace what the recording says of them."""
+    parts = channels(recording)
+    valid = np.stack([np.asarray(channel.valid, bool) for channel in parts], axis=1)
+    signals = np.stack([channel.values for channel in parts], axis=1)
+    steps = [recorded_step(channel.values[valid[:, i]]) for i, channel in enumerate(parts)]
+    sensors = tuple(_sensor(channel, installation.sensors) for channel in parts)
+    return Measured(motion(recording), sensors, np.where(valid, signals, 0.0), valid, np.array(steps))
+
+
+def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
+    for sensor in calibrated:
+        if (sensor.quantity, sensor.body) == (channel.quantity, channel.body):
+            return replace(sensor, name=channel.name)
+    return Sensor(
+        channel.name, channel.quantity, channel.body, channel.position, channel.noise_density,
+        bandwidth=channel.bandwidth,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Model:
+    """Everything that the likelihood of a recording depends on; all noise densities are given."""
+
+    vehicle: Vehicle
+    track: Track
+    sensors: tuple[Sensor, ...]
+    origin: float
+    unmodelled: float
+    spectrum: Spectrum
+
+
+def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
+    """The ride of the model's vehicle through the recorded motion.
+
+    Raises
+    ------
+    DataError
+        Where the recording is shorter than the vehicle.
+    """
+    moved = replace(data.motion, distance=data.motion.distance + model.origin)
+    run, length = moved.distance[-1] - moved.distance[0], model.vehicle.length
+    if run < max(length, 4 * KNOT_SPACING):
+        raise DataError(
+            f"The recording covers {run:.1f} m, but from the first to the last wheel of "
+            f"{model.vehicle.name!r} there are {length:.1f} m; record a longer stretch."
+        )
+    system = state_space(model.vehicle, model.track, model.sensors, model.unmodelled)
+    return system, build_ride(system, moved, data.valid, KNOT_SPACING)
+
+
+def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> Filter:
+    """The smoother for that ride, with each sample's noise."""
+    return prepare(ride, model.spectrum, row_variance(data, model, ride), start)
+
+
+def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> Start:
+    """The prior of the first state, with the spread of unmodelled accelerations and offsets."""
+    kinds = system.disturbance.shape[1]
+    # Stationary standard deviation of the low-passed noise, N √(π f / 4), and a little more before its pole.
+    spread = 2.0 * model.unmodelled * np.sqrt(UNMODELLED_BANDWIDTH)
+    offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
+    others = np.array([spread] * (POLES * kinds) + offsets)
+    return start_of_ride(system, model.spectrum, ride, others)
+
+
+def row_variance(data: Measured, model: Model, ride: Ride) -> Array:
+    """Noise of each row: N² · max(1/(2 Δt), bandwidth), and step²/12 where recorded in steps.
+
+    Sampled more slowly than its own filter passes, a sensor folds all its noise into each sample.
+    """
+    interval = np.gradient(data.motion.time)
+    variance = np.empty((len(interval), len(model.sensors)))
+    for i, sensor in enumerate(model.sensors):
+        if sensor.noise_density is None:
+            raise DataError(f"Channel {sensor.name!r}: its noise density is not known.")
+        passed = np.maximum(0.5 / interval, sensor.bandwidth or 0.0)
+        variance[:, i] = sensor.noise_density**2 * passed + data.step[i] ** 2 / 12.0
+    return variance[ride.samples, ride.sensors]
+
+
+def row_signals(data: Measured, ride: Ride) -> Array:
+    """The measured signals by row, (rows, 1)."""
+    return data.signals[ride.samples, ride.sensors][:, None]

@@ -1,0 +1,418 @@
+"""The smoother's recursions: compiled, arrays in, arrays out (theory, section 7).
+
+Forwards a Kalman filter, backwards the modified Bryson-Frazier recursion. The gains do not depend on the
+data, so they are computed once and any number of signals passes through them side by side. What comes out is
+the elevation at each knot, r(x_j) = (c_j + 4 c_(j+1) + c_(j+2)) / 6, when c_j is the oldest in the ring.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackprofile.inference.bay_kernels import compiled
+
+
+@compiled
+def covariances(
+    P, a1, a2, innovation, F_all, G_all, Q_all, slots_all, rows, variance,
+    first_row, newest, gains, S, knots,
+):  # pragma: no cover  # fmt: skip
+    """Gains, innovation variances S, and the covariance row of the oldest knot at the end of each bay.
+
+    P is the initial covariance and becomes the last one. What unmodelled accelerations do within a bay, Q,
+    is added at its end.
+    """
+    size, n = P.shape[0], F_all.shape[1]
+    ring = size - n
+    moved, p = np.empty((n, size)), np.empty(size)
+    for b in range(F_all.shape[0]):
+        if b > 0:
+            _enter(P, a1, a2, innovation, n, ring, newest + b)
+        slots, low, high = slots_all[b], first_row[b], first_row[b + 1]
+        for m in range(low, high):
+            row = rows[m]
+            _times_row(P, row, slots, n, p)
+            for before in range(low, m):
+                dot = _dot_row(gains[before], row, slots, n) * S[before]
+                for i in range(size):
+                    p[i] -= dot * gains[before, i]
+            S[m] = variance[m] + _dot_row(p, row, slots, n)
+            for i in range(size):
+                gains[m, i] = p[i] / S[m]
+        for i in range(size):
+            for m in range(low, high):
+                factor = S[m] * gains[m, i]
+                for j in range(size):
+                    P[i, j] -= factor * gains[m, j]
+        _move_covariance(P, F_all[b], G_all[b], slots, moved)
+        for a in range(Q_all.shape[1]):
+            for c in range(n):
+                P[a, c] += Q_all[b, a, c]
+        one, two, three = _oldest(n, ring, newest + b)
+        for j in range(size):
+            knots[b, j] = (P[one, j] + 4.0 * P[two, j] + P[three, j]) / 6.0
+
+
+@compiled
+def _oldest(n, ring, newest):  # pragma: no cover
+    """Places of the three oldest coefficients when ``newest`` is the newest one's index."""
+    return n + (newest + 1) % ring, n + (newest + 2) % ring, n + (newest + 3) % ring
+
+
+@compiled
+def _newest(n, ring, newest):  # pragma: no cover
+    """Places of the newest coefficient and of the two before it."""
+    return n + newest % ring, n + (newest - 1) % ring, n + (newest - 2) % ring
+
+
+@compiled
+def _enter(P, a1, a2, innovation, n, ring, newest):  # pragma: no cover
+    """The oldest coefficient's place is taken by c_i = a1 c_(i-1) + a2 c_(i-2) + w."""
+    new, one, two = _newest(n, ring, newest)
+    size = P.shape[0]
+    for j in range(size):
+        P[new, j] = a1 * P[one, j] + a2 * P[two, j]
+    P[new, new] = a1 * P[new, one] + a2 * P[new, two] + innovation
+    for j in range(size):
+        P[j, new] = P[new, j]
+
+
+@compiled
+def _times_row(P, row, slots, n, p):  # pragma: no cover
+    """p ← P h for a symmetric P and a row h over the vehicle's states and the slots."""
+    p[:] = 0.0
+    for c in range(len(row)):
+        if row[c] != 0.0:
+            index = c if c < n else slots[c - n]
+            for j in range(len(p)):
+                p[j] += row[c] * P[index, j]
+
+
+@compiled
+def _dot_row(vector, row, slots, n):  # pragma: no cover
+    """h · vector."""
+    value = 0.0
+    for c in range(n):
+        value += row[c] * vector[c]
+    for c in range(len(slots)):
+        value += row[n + c] * vector[slots[c]]
+    return value
+
+
+@compiled
+def _move_covariance(P, F, G, slots, moved):  # pragma: no cover
+    """P ← T P Tᵀ with T = [F G; 0 I]."""
+    size, n, columns = P.shape[0], F.shape[0], G.shape[1]
+    for a in range(n):
+        moved[a, :] = 0.0
+        for c in range(n):
+            if F[a, c] != 0.0:
+                for j in range(size):
+                    moved[a, j] += F[a, c] * P[c, j]
+        for c in range(columns):
+            if G[a, c] != 0.0:
+                for j in range(size):
+                    moved[a, j] += G[a, c] * P[slots[c], j]
+    for a in range(n):
+        for c in range(a + 1):
+            value = 0.0
+            for j in range(n):
+                value += moved[a, j] * F[c, j]
+            for j in range(columns):
+                value += moved[a, slots[j]] * G[c, j]
+            P[a, c] = P[c, a] = value
+        for j in range(n, size):
+            P[a, j] = P[j, a] = moved[a, j]
+
+
+@compiled
+def _move_means(F, G, slots, means, moved):  # pragma: no cover
+    """x ← F x + G c for each signal."""
+    n, columns, signals = F.shape[0], G.shape[1], means.shape[1]
+    for a in range(n):
+        moved[a, :] = 0.0
+        for c in range(n):
+            for s in range(signals):
+                moved[a, s] += F[a, c] * means[c, s]
+        for c in range(columns):
+            for s in range(signals):
+                moved[a, s] += G[a, c] * means[slots[c], s]
+    means[:n] = moved
+
+
+@compiled
+def filtered(
+    means, a1, a2, F_all, G_all, slots_all, rows, first_row, newest, gains, signals, knots
+):  # pragma: no cover
+    """Forward pass: ``signals`` (rows, m) become their innovations, ``knots`` (bays, m) the filtered means.
+
+    ``means`` (size, m) starts as the prior mean and becomes the last one.
+    """
+    n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
+    ring = means.shape[0] - n
+    moved = np.empty((n, m))
+    for b in range(F_all.shape[0]):
+        if b > 0:
+            new, one, two = _newest(n, ring, newest + b)
+            for s in range(m):
+                means[new, s] = a1 * means[one, s] + a2 * means[two, s]
+        slots = slots_all[b]
+        for k in range(first_row[b], first_row[b + 1]):
+            for c in range(n + columns):
+                index = c if c < n else slots[c - n]
+                for s in range(m):
+                    signals[k, s] -= rows[k, c] * means[index, s]
+            for i in range(means.shape[0]):
+                for s in range(m):
+                    means[i, s] += gains[k, i] * signals[k, s]
+        _move_means(F_all[b], G_all[b], slots, means, moved)
+        one, two, three = _oldest(n, ring, newest + b)
+        for s in range(m):
+            knots[b, s] = (means[one, s] + 4.0 * means[two, s] + means[three, s]) / 6.0
+
+
+@compiled
+def smoothed(
+    a1, a2, F_all, G_all, slots_all, rows, first_row, newest, gains, S, variance, covariance,
+    signals, knots,
+):  # pragma: no cover  # fmt: skip
+    """Backward pass: ``knots`` become the smoothed elevations, ``signals`` the smoothed measurement noise.
+
+    λ ← Tᵀ λ at a bay, λ ← λ - h (e/S + Kᵀ λ) at a sample; a knot's smoothed mean is m - P λ. The noise of a
+    sample, given all data, is R (e/S + Kᵀ λ): what the model leaves of the signal.
+    """
+    n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
+    size = gains.shape[1]
+    ring = size - n
+    adjoint, moved, u = np.zeros((size, m)), np.empty((n, m)), np.empty(m)
+    for b in range(F_all.shape[0] - 1, -1, -1):
+        for j in range(size):
+            for s in range(m):
+                knots[b, s] -= covariance[b, j] * adjoint[j, s]
+        F, G, slots = F_all[b], G_all[b], slots_all[b]
+        moved[:, :] = adjoint[:n]
+        adjoint[:n] = 0.0
+        for a in range(n):
+            for c in range(n):
+                for s in range(m):
+                    adjoint[c, s] += F[a, c] * moved[a, s]
+            for c in range(columns):
+                for s in range(m):
+                    adjoint[slots[c], s] += G[a, c] * moved[a, s]
+        for k in range(first_row[b + 1] - 1, first_row[b] - 1, -1):
+            for s in range(m):
+                u[s] = signals[k, s] / S[k]
+            for i in range(size):
+                for s in range(m):
+                    u[s] += gains[k, i] * adjoint[i, s]
+            for c in range(n + columns):
+                index = c if c < n else slots[c - n]
+                for s in range(m):
+                    adjoint[index, s] -= rows[k, c] * u[s]
+            for s in range(m):
+                signals[k, s] = variance[k] * u[s]
+        if b > 0:
+            new, one, two = _newest(n, ring, newest + b)
+            for s in range(m):
+                adjoint[one, s] += a1 * adjoint[new, s]
+                adjoint[two, s] += a2 * adjoint[new, s]
+                adjoint[new, s] = 0.0
+
+
+@compiled
+def variances(
+    a1, a2, F_all, G_all, slots_all, rows, first_row, newest, gains, S, covariance, result
+):  # pragma: no cover
+    """Posterior variance of each bay's oldest knot: P_jj - P_j Λ P_jᵀ, Λ the covariance of λ."""
+    n, bays = F_all.shape[1], F_all.shape[0]
+    size = gains.shape[1]
+    ring = size - n
+    most = 1
+    for b in range(bays):
+        most = max(most, first_row[b + 1] - first_row[b])
+    L, g = np.zeros((size, size)), np.empty((most, size))
+    W, V = np.empty((n, size)), np.empty((n, size))
+    for b in range(bays - 1, -1, -1):
+        one, two, three = _oldest(n, ring, newest + b)
+        value = (covariance[b, one] + 4.0 * covariance[b, two] + covariance[b, three]) / 6.0
+        for i in range(size):
+            dot = 0.0
+            for j in range(size):
+                dot += L[i, j] * covariance[b, j]
+            value -= covariance[b, i] * dot
+        result[b] = value
+        _pull_back(L, F_all[b], G_all[b], slots_all[b], W, V)
+        _unmeasure(L, rows, slots_all[b], n, gains, S, first_row[b], first_row[b + 1], g)
+        if b > 0:
+            new, one, two = _newest(n, ring, newest + b)
+            for j in range(size):
+                L[one, j] += a1 * L[new, j]
+                L[two, j] += a2 * L[new, j]
+            for j in range(size):
+                L[j, one] += a1 * L[j, new]
+                L[j, two] += a2 * L[j, new]
+            for j in range(size):
+                L[new, j] = L[j, new] = 0.0
+
+
+@compiled
+def _pull_back(L, F, G, slots, W, V):  # pragma: no cover
+    """Λ ← Tᵀ Λ T with T = [F G; 0 I]; Λ_cc grows by Gᵀ V + Vᵀ G with V = Λ_xc + Λ_xx G / 2."""
+    n, columns, size = F.shape[0], G.shape[1], L.shape[0]
+    W[:, :] = L[:n]
+    V[:, :] = L[:n]
+    for a in range(n):
+        V[a, :n] = 0.0
+        for k in range(n):
+            if L[a, k] != 0.0:
+                for c in range(columns):
+                    W[a, slots[c]] += L[a, k] * G[k, c]
+                    V[a, slots[c]] += 0.5 * L[a, k] * G[k, c]
+    half = np.empty(size)
+    for c in range(columns):
+        half[:] = 0.0
+        for k in range(n):
+            for j in range(n, size):
+                half[j] += G[k, c] * V[k, j]
+        slot = slots[c]
+        for j in range(n, size):
+            L[slot, j] += half[j]
+        for j in range(n, size):
+            L[j, slot] += half[j]
+    # W = [Λ_xx, Λ_xx G + Λ_xc]; its rows and its first n columns still pass through F.
+    for a in range(n):
+        L[a, :] = 0.0
+    for k in range(n):
+        for a in range(n):
+            if F[k, a] != 0.0:
+                for j in range(size):
+                    L[a, j] += F[k, a] * W[k, j]
+    for a in range(n):
+        for c in range(n):
+            value = 0.0
+            for k in range(n):
+                value += L[a, k] * F[k, c]
+            half[c] = value
+        L[a, :n] = half[:n]
+        for j in range(n, size):
+            L[j, a] = L[a, j]
+
+
+@compiled
+def _unmeasure(L, rows, slots, n, gains, S, low, high, g):  # pragma: no cover
+    """Λ ← (I - K h)ᵀ Λ (I - K h) + hᵀ h / S for the samples of one bay, last first.
+
+    Each sample adds -(h gᵀ + g hᵀ) with u = Λ K and g = u - (Kᵀ u + 1/S) h / 2; they are gathered, then added.
+    """
+    size, width = L.shape[0], rows.shape[1]
+    for i in range(size):
+        for k in range(low, high):
+            dot = 0.0
+            for j in range(size):
+                dot += L[i, j] * gains[k, j]
+            g[k - low, i] = dot
+    for k in range(high - 1, low - 1, -1):
+        u = g[k - low]
+        for later in range(high - 1, k, -1):
+            along, against = 0.0, _dot_row(gains[k], rows[later], slots, n)
+            for j in range(size):
+                along += g[later - low, j] * gains[k, j]
+            for j in range(size):
+                u[j] -= against * g[later - low, j]
+            for c in range(width):
+                u[c if c < n else slots[c - n]] -= along * rows[later, c]
+        kappa = 1.0 / S[k]
+        for j in range(size):
+            kappa += gains[k, j] * u[j]
+        for c in range(width):
+            u[c if c < n else slots[c - n]] -= 0.5 * kappa * rows[k, c]
+    total = np.empty(size)
+    for c in range(width):
+        index = c if c < n else slots[c - n]
+        total[:] = 0.0
+        for k in range(low, high):
+            if rows[k, c] != 0.0:
+                for j in range(size):
+                    total[j] += rows[k, c] * g[k - low, j]
+        for j in range(size):
+            L[index, j] -= total[j]
+        for j in range(size):
+            L[j, index] -= total[j]
+
+
+@compiled
+def simulated(
+    states, a1, a2, entering, shaking, F_all, G_all, Q_all, slots_all, rows,
+    first_row, newest, signals, knots,
+):  # pragma: no cover  # fmt: skip
+    """Draws from the prior and the model: ``signals`` (rows, m) without noise, ``knots`` (bays, m).
+
+    ``states`` (size, m) starts as a draw of the initial state; ``entering`` (bays, m) are the coefficients'
+    innovations, ``shaking`` (bays, n, m) standard normal for the unmodelled accelerations.
+    """
+    n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
+    ring = states.shape[0] - n
+    moved, root = np.empty((n, m)), np.empty((n, n))
+    for b in range(F_all.shape[0]):
+        if b > 0:
+            new, one, two = _newest(n, ring, newest + b)
+            for s in range(m):
+                states[new, s] = a1 * states[one, s] + a2 * states[two, s] + entering[b, s]
+        slots = slots_all[b]
+        for k in range(first_row[b], first_row[b + 1]):
+            for s in range(m):
+                signals[k, s] = 0.0
+            for c in range(n + columns):
+                index = c if c < n else slots[c - n]
+                for s in range(m):
+                    signals[k, s] += rows[k, c] * states[index, s]
+        _move_means(F_all[b], G_all[b], slots, states, moved)
+        if Q_all.shape[1] > 0:
+            _root(Q_all[b], root)
+            for a in range(n):
+                for c in range(a + 1):
+                    for s in range(m):
+                        states[a, s] += root[a, c] * shaking[b, c, s]
+        one, two, three = _oldest(n, ring, newest + b)
+        for s in range(m):
+            knots[b, s] = (states[one, s] + 4.0 * states[two, s] + states[three, s]) / 6.0
+
+
+@compiled
+def _root(Q, root):  # pragma: no cover
+    """Lower triangular root of a covariance that may be singular (Cholesky, a zero pivot gives a zero column)."""
+    n = Q.shape[0]
+    root[:, :] = 0.0
+    for c in range(n):
+        pivot = Q[c, c]
+        for k in range(c):
+            pivot -= root[c, k] ** 2
+        if pivot > 1e-14 * Q[c, c]:
+            root[c, c] = np.sqrt(pivot)
+            for a in range(c + 1, n):
+                value = Q[a, c]
+                for k in range(c):
+                    value -= root[a, k] * root[c, k]
+                root[a, c] = value / root[c, c]
+
+
+@compiled
+def responded(state, coefficients, F_all, G_all, places, rows, first_row, y):  # pragma: no cover
+    """y (rows,) ← the signals of a ride over a known profile; ``places`` (bays, columns) count into its coefficients."""
+    n, columns = F_all.shape[1], G_all.shape[2]
+    moved = np.empty(n)
+    for b in range(F_all.shape[0]):
+        place = places[b]
+        for k in range(first_row[b], first_row[b + 1]):
+            y[k] = 0.0
+            for c in range(n):
+                y[k] += rows[k, c] * state[c]
+            for c in range(columns):
+                y[k] += rows[k, n + c] * coefficients[place[c]]
+        for a in range(n):
+            moved[a] = 0.0
+            for c in range(n):
+                moved[a] += F_all[b, a, c] * state[c]
+            for c in range(columns):
+                moved[a] += G_all[b, a, c] * coefficients[place[c]]
+        state[:] = moved

@@ -1,0 +1,144 @@
+"""A ride: the train's motion cut into steps and bays, with one measurement row per valid sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.inference.bay_kernels import COLUMNS, bays
+from trackprofile.motion import Motion
+from trackprofile.statespace import StateSpace, step_table
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+LONGEST_STEP = 0.05
+"""s: longer steps are cut, so that the paths stay cubics and the step table small."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The motion cut into steps that cross at most one knot each.
+
+    ``position``, ``speed``, ``acceleration`` (steps + 1,) begin with the start; ``interval`` (steps,) in s;
+    ``sample`` (steps,) is the sample at a step's end, or -1; ``first_step`` (bays + 1,) starts each bay.
+    """
+
+    interval: Array
+    position: Array
+    speed: Array
+    acceleration: Array
+    sample: Indices
+    first_step: Indices
+
+
+@dataclass(frozen=True)
+class Ride:
+    """All that the recursions need of a ride; see :mod:`trackprofile.inference.bay_kernels`.
+
+    ``bases`` (bays, wheels) are the indices of the first coefficients that the wheels reach.
+    ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there
+    are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is; knots are counted from ``first_knot`` and lie ``spacing`` m apart.
+    """
+
+    F: Array
+    G: Array
+    Q: Array
+    bases: Indices
+    slots: Indices
+    rows: Array
+    first_row: Indices
+    samples: Indices
+    sensors: Indices
+    spacing: float
+    ring: int
+    newest: int
+    start_position: float
+    start_speed: float
+
+    @property
+    def first_knot(self) -> int:
+        """Index of the first knot: it stands at ``first_knot * spacing`` m."""
+        return self.newest - self.ring + 1
+
+    @property
+    def knots(self) -> int:
+        """How many knots the ride determines or passes."""
+        return len(self.F) + self.ring - 3
+
+
+def build_ride(system: StateSpace, motion: Motion, valid: NDArray[np.bool_], spacing: float) -> Ride:
+    """Cut the motion into bays and compute each bay's matrices.
+
+    Parameters
+    ----------
+    motion : of the leading wheel, n samples
+    valid : (n, sensors), which samples count
+    spacing : between knots, m
+    """
+    steps = cut_into_steps(motion, spacing)
+    wheels = system.wheel_positions
+    ring = 5 + int(np.ceil(np.max(wheels) / spacing))
+    samples, sensors = np.nonzero(valid)
+    step_of_sample = np.flatnonzero(steps.sample >= 0)
+    bay_of_sample = np.searchsorted(steps.first_step, step_of_sample, side="right") - 1
+    count = len(steps.first_step) - 1
+    first_row = np.searchsorted(bay_of_sample[samples], np.arange(count + 1)).astype(np.int64)
+    n, columns = len(system.A), COLUMNS * len(wheels)
+    F, G = np.empty((count, n, n)), np.empty((count, n, columns))
+    Q = np.zeros((count, n, n) if system.disturbance.size else (count, 0, 0))
+    rows = np.empty((len(samples), n + columns))
+    first_position = steps.position[steps.first_step[:-1], None]
+    bases = np.floor((first_position - wheels) / spacing).astype(np.int64)
+    reached = (bases[:, :, None] + np.arange(COLUMNS)).reshape(count, columns)
+    table = step_table(system, float(np.max(steps.interval)))
+    newest = int(np.floor(steps.position[0] / spacing)) + 3
+    bays(
+        table.motion, table.noise, table.spacing, system.C, system.D, wheels, spacing,
+        steps.interval, steps.position, steps.speed, steps.acceleration, steps.sample,
+        steps.first_step, first_row, np.stack([samples, sensors], axis=1), bases,
+        F, G, Q, rows,
+    )  # fmt: skip
+    return Ride(
+        F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, spacing, ring, newest,
+        float(steps.position[0]), float(steps.speed[0]),
+    )  # fmt: skip
+
+
+def cut_into_steps(motion: Motion, spacing: float) -> Steps:
+    """Steps between the samples, cut where they are longer than ``LONGEST_STEP`` or cross several knots.
+
+    The first step has no length: it ends at the first sample.
+    """
+    bay = np.floor(motion.distance / spacing).astype(np.int64)
+    crossed = np.diff(bay)
+    # Equal parts of a step that crosses c knots are shorter than a bay if there are c + 1 of them.
+    parts = np.where(crossed > 1, crossed + 1, 1)
+    parts = np.maximum(parts, np.ceil(np.diff(motion.time) / LONGEST_STEP).astype(np.int64))
+    parts = np.maximum(parts, np.ceil(np.diff(motion.distance) / spacing - 1e-9).astype(np.int64))
+    parts = np.maximum(parts, 1)
+    end = np.concatenate([[0], np.cumsum(parts)])
+    grid = np.arange(end[-1] + 1)
+    position = np.interp(grid, end, motion.distance)
+    speed = np.interp(grid, end, motion.speed)
+    acceleration = np.interp(grid, end, motion.acceleration)
+    interval = np.concatenate([[0.0], _intervals(np.diff(position), speed, np.diff(motion.time), parts)])
+    sample = np.full(len(grid), -1, np.int64)
+    sample[end] = np.arange(len(end))
+    entering = 1 + np.flatnonzero(np.diff(np.floor(position / spacing)) > 0)
+    first_step = np.concatenate([[0], entering, [len(grid)]]).astype(np.int64)
+    position, speed, acceleration = (
+        np.concatenate([values[:1], values]) for values in (position, speed, acceleration)
+    )
+    return Steps(interval, position, speed, acceleration, sample, first_step)
+
+
+def _intervals(lengths: Array, speed: Array, durations: Array, parts: Indices) -> Array:
+    """Times of the parts of each step: at the mean speed of its ends, together as long as recorded."""
+    mean = 0.5 * (speed[1:] + speed[:-1])
+    moving = (lengths > 0) & (mean > 0)
+    guess = np.where(moving, lengths / np.where(moving, mean, 1.0), 1.0)
+    start = np.concatenate([[0], np.cumsum(parts)[:-1]])
+    return guess * np.repeat(durations / np.add.reduceat(guess, start), parts)

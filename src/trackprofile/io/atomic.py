@@ -1,0 +1,51 @@
+"""Outputs appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from trackprofile.errors import FileError
+
+
+@contextmanager
+def whole_files(*paths: str | Path) -> Iterator[tuple[Path, ...]]:
+    """Temporary paths to write to, one per path; they take their names only if nothing fails.
+
+    They lie in the same folders, so that taking the name is one step of the file system, and end
+    in the same suffix, for writers that choose the format by it.
+
+    Raises
+    ------
+    FileError : a folder is missing or not writable, or the disk is full.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> with whole_files(folder / "profile.csv") as (file,):
+    ...     _ = file.write_text("distance_m,elevation_m")
+    >>> [file.name for file in folder.iterdir()]
+    ['profile.csv']
+    """
+    targets = tuple(Path(path) for path in paths)
+    for target in targets:
+        if target.is_dir():
+            raise FileError(f"{target}: expected a file to write, this is a folder; add a name.")
+        if not target.parent.is_dir():
+            raise FileError(f"{target}: there is no folder {target.parent}; create it first.")
+    token = secrets.token_hex(4)
+    parts = tuple(path.with_name(f".{path.stem}.{token}{path.suffix}") for path in targets)
+    try:
+        yield parts
+        for part, target in zip(parts, targets, strict=True):
+            os.replace(part, target)
+    except OSError as error:
+        names = ", ".join(map(str, targets))
+        raise FileError(f"{names}: cannot be written ({error.strerror or error}).") from error
+    finally:
+        for part in parts:
+            part.unlink(missing_ok=True)

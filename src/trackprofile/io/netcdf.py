@@ -1,0 +1,47 @@
+"""Both contracts, whole, in NetCDF 4."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import xarray as xr
+
+from trackprofile.contracts import validated
+from trackprofile.errors import FileError
+from trackprofile.io.atomic import whole_files
+from trackprofile.io.table import located
+
+NAME = "a recording or profile in NetCDF"
+HOLDS = ("recording", "profile")
+SUFFIXES = (".nc",)
+
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+def sniff(path: Path) -> bool:
+    """Whether the file is HDF5, as NetCDF 4 is."""
+    with path.open("rb") as file:
+        return file.read(8) == _HDF5_SIGNATURE
+
+
+def read(path: Path) -> xr.Dataset:
+    """The dataset in the file, in memory, validated."""
+    try:
+        # First without h5netcdf, which on a damaged file also writes to standard error.
+        with h5py.File(path) as file:
+            dict(file.attrs)
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as file:
+            dataset = file.load()
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        raise FileError(f"{path}: damaged or cut short; copy it again.") from error
+    dataset.encoding = {}
+    with located(path):
+        return validated(dataset)
+
+
+def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
+    """Write the dataset as it is."""
+    with whole_files(path) as (file,):
+        dataset.to_netcdf(file, engine="h5netcdf")
+    return (path,)

@@ -1,0 +1,71 @@
+"""A profile as a table, in CSV or Parquet.
+
+Columns: ``distance_m``, ``elevation_m`` and, where known, ``standard_deviation_m``, the same per
+band (``standard_deviation_D1_m`` ...) and ``quality``; others are not read. A table has no place
+for the attributes: what it holds is a posterior if it has a standard deviation, else a point.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from trackprofile.contracts import build_profile
+from trackprofile.errors import RowError
+from trackprofile.io.atomic import whole_files
+from trackprofile.io.table import SUFFIXES as SUFFIXES
+from trackprofile.io.table import column_names, located, read_columns, write_columns
+
+NAME = "a profile as a table with the columns distance_m and elevation_m"
+HOLDS = ("profile",)
+
+_SPREAD = "standard_deviation"
+
+
+def sniff(path: Path) -> bool:
+    """Whether the table has a column ``elevation_m``."""
+    return "elevation_m" in column_names(path)
+
+
+def read(path: Path) -> xr.Dataset:
+    """The profile in the table."""
+    names = column_names(path)
+    band_columns = {
+        match[1]: name for name in names if (match := re.fullmatch(f"{_SPREAD}_(.+)_m", name))
+    }
+    optional = [name for name in (f"{_SPREAD}_m", "quality") if name in names]
+    wanted = ["distance_m", "elevation_m", *optional, *band_columns.values()]
+    table = read_columns(path, wanted)
+    spread = table.get(f"{_SPREAD}_m")
+    with located(path, {name.removesuffix("_m"): name for name in wanted}):
+        return build_profile(
+            table["distance_m"],
+            table["elevation_m"],
+            kind="point" if spread is None else "posterior",
+            standard_deviation=spread,
+            band_standard_deviations={band: table[name] for band, name in band_columns.items()},
+            quality=_flags(table["quality"]) if "quality" in table else None,
+            provenance=[f"read from {path.name}"],
+        )
+
+
+def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
+    """Write the profile's variables; its attributes are lost."""
+    names = ["distance", "elevation", *(str(name) for name in dataset if _SPREAD in str(name))]
+    columns = {f"{name}_m": dataset[name].to_numpy() for name in names}
+    with whole_files(path) as (file,):
+        write_columns(file, columns | {"quality": dataset["quality"].to_numpy()})
+    return (path,)
+
+
+def _flags(values: np.ndarray) -> np.ndarray:
+    wrong = ~np.isin(values, np.arange(16))
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        raise RowError(
+            "quality", row + 1, f"expected a sum of flags, 0 to 15, found {values[row]:g}."
+        )
+    return values.astype(np.int8)

@@ -1,0 +1,82 @@
+"""Pictures of a profile and of how well it explains the recording.
+
+What is drawn is put together once, as data (`chart`); `page` (plotly, to look around in) and
+`picture` (matplotlib, for a report) only draw it. Figures are returned, never shown. Both are
+imported when they draw, for importing plotly or matplotlib takes longer than most commands run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from trackprofile.plot.chart import chart_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from plotly.graph_objects import Figure as Page
+
+__all__ = ["profile_figure", "profile_picture", "write_html", "write_png"]
+
+
+def profile_figure(
+    profile: xr.Dataset,
+    recording: xr.Dataset | None = None,
+    sample_distance: ArrayLike | None = None,
+    reproduced: Mapping[str, ArrayLike] | None = None,
+) -> Page:
+    """The strip chart of a profile, to look around in: elevation, D1, D2, and each sensor.
+
+    Parameters
+    ----------
+    profile : as of `contracts`
+    recording : whose channels are drawn below the profile
+    sample_distance : where on the profile each of its samples was taken (samples) [m]; by
+        default the recording's own distance
+    reproduced : by channel, what the model makes of the profile (samples) [the channel's unit]
+
+    Raises
+    ------
+    DataError : a length that is not the recording's, a channel that it does not have, or no
+        distance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> distance = np.arange(0.0, 200.0, 0.25)
+    >>> level = ("distance", 0.002 * np.sin(distance))
+    >>> wave = xr.Dataset({"elevation": level}, {"distance": distance})
+    >>> [trace.name for trace in profile_figure(wave).data]
+    ['elevation', 'elevation', 'elevation']
+    """
+    from trackprofile.plot.page import draw
+
+    return draw(chart_of(profile, recording, sample_distance, reproduced or {}))
+
+
+def profile_picture(
+    profile: xr.Dataset,
+    recording: xr.Dataset | None = None,
+    sample_distance: ArrayLike | None = None,
+    reproduced: Mapping[str, ArrayLike] | None = None,
+) -> Figure:
+    """The same chart as a still picture; parameters and errors as of `profile_figure`."""
+    from trackprofile.plot.picture import draw
+
+    return draw(chart_of(profile, recording, sample_distance, reproduced or {}))
+
+
+def write_html(figure: Page, path: Path | str) -> None:
+    """Write a page that holds all it needs and asks nothing of any network."""
+    from trackprofile.plot.page import html
+
+    Path(path).write_text(html(figure), encoding="utf-8")
+
+
+def write_png(figure: Figure, path: Path | str) -> None:
+    """Write a picture at 150 dots per inch, whatever the path's suffix."""
+    figure.savefig(path, format="png", dpi=150)

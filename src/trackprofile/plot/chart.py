@@ -1,0 +1,271 @@
+"""What is drawn of a profile, as data, before any plotting library sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from trackprofile.bands import D1, D2, Band, band_pass_pieces, resample, runs
+from trackprofile.comparison import known_elevation
+from trackprofile.contracts import Channel, channels
+from trackprofile.errors import DataError
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 4000
+"""A trace with more is drawn by its extremes: about so many points are left of it."""
+
+_TWO_SIDED_95 = 1.96
+_MILLI = 1e3
+_SHOWN_IN = {"vertical acceleration": ("m/s²", 1.0), "pitch rate": ("mrad/s", _MILLI)}
+ELEVATION, INTERVAL, GAP = "elevation", "95 % interval", "no data"
+MEASURED, REPRODUCED, RESIDUAL = "measured", "reproduced", "residual"
+# Okabe and Ito (2008): told apart by colour-blind readers too.
+COLOURS = {
+    ELEVATION: "#0072B2",
+    INTERVAL: "#56B4E9",
+    MEASURED: "#8C8C8C",
+    REPRODUCED: "#D55E00",
+    RESIDUAL: "#009E73",
+    GAP: "#BBBBBB",
+}
+WIDTHS = {ELEVATION: 1.2, MEASURED: 2.2, REPRODUCED: 0.8, RESIDUAL: 0.9}
+INTERVAL_OPACITY, GAP_OPACITY = 0.4, 0.35
+
+
+@dataclass(frozen=True)
+class Line:
+    """A trace: NaN breaks it. x in m, y in the panel's unit."""
+
+    name: str
+    x: Array
+    y: Array
+    decimated: bool = False
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An area between two traces. x in m, low and high in the panel's unit."""
+
+    x: Array
+    low: Array
+    high: Array
+
+    def outline(self) -> tuple[Array, Array]:
+        """Closed polygons, one for each stretch between gaps, with NaN between them."""
+        xs, ys = [np.empty(0)], [np.empty(0)]
+        for run in runs(np.isfinite(self.low)):
+            xs += [self.x[run], self.x[run][::-1], [np.nan]]
+            ys += [self.low[run], self.high[run][::-1], [np.nan]]
+        return np.concatenate(xs), np.concatenate(ys)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One strip of the chart: what is drawn, in which unit, how high relative to the others."""
+
+    name: str
+    about: str
+    unit: str
+    lines: tuple[Line, ...]
+    interval: Interval | None = None
+    height: float = 1.0
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Panels over one distance axis; its ends, and the gaps' ends, in m."""
+
+    title: str
+    note: str
+    ends: tuple[float, float]
+    panels: tuple[Panel, ...]
+    gaps: tuple[tuple[float, float], ...]
+
+
+def chart_of(
+    profile: xr.Dataset,
+    recording: xr.Dataset | None,
+    sample_distance: ArrayLike | None,
+    reproduced: Mapping[str, ArrayLike],
+) -> Chart:
+    """Put a profile and its recording into panels; parameters as of `plot.profile_figure`."""
+    track = _track(profile)
+    panels = [_elevation_panel(track)]
+    panels += [panel for band in (D1, D2) if (panel := _band_panel(track, band))]
+    if recording is not None:
+        where = _sample_distance(recording, sample_distance)
+        known = channels(recording)
+        _check_reproduced(reproduced, known, where.size)
+        for channel in known:
+            panels += _channel_panels(channel, where, reproduced.get(channel.name))
+    line = "" if recording is None else str(recording.attrs.get("line", ""))
+    first, last = float(track.distance[0]), float(track.distance[-1])
+    title = f"Track profile{', ' + line if line else ''}, {first:.0f} to {last:.0f} m"
+    gaps = _gaps(track)
+    return Chart(title, _note(profile, panels, bool(gaps)), (first, last), tuple(panels), gaps)
+
+
+def extremes(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
+    """Which points to draw of many: per bucket the least and the greatest, and where a gap begins.
+
+    Examples
+    --------
+    >>> extremes(np.array([0.0, 5.0, 1.0, 2.0, -3.0, 0.0]), most=4)
+    array([0, 1, 3, 4, 5])
+    """
+    if values.size <= most:
+        return np.arange(values.size)
+    starts = np.linspace(0, values.size, most // 2 + 1).astype(int)
+    kept = [0, values.size - 1]
+    for start, stop in pairwise(starts):
+        bucket = values[start:stop]
+        known = np.isfinite(bucket)
+        if not known.all():
+            kept.append(start + int(np.argmin(known)))
+        if known.any():
+            kept += [start + int(np.nanargmin(bucket)), start + int(np.nanargmax(bucket))]
+    return np.unique(kept)
+
+
+def _note(profile: xr.Dataset, panels: Sequence[Panel], gaps: bool) -> str:
+    """What the profile is and how it is drawn, in one line."""
+    attributes = (profile.attrs.get(name, "") for name in ("method", "loading", "vehicle"))
+    parts = [str(each) for each in attributes if each]
+    if any(line.decimated for panel in panels for line in panel.lines):
+        parts.append(f"long traces are drawn by the extremes of {MOST_POINTS // 2} pieces")
+    if gaps:
+        parts.append("shaded: no data")
+    return " · ".join(parts)
+
+
+@dataclass(frozen=True)
+class _Track:
+    """A profile on a uniform grid [m]; NaN in gaps, be they flagged or rows that are missing."""
+
+    spacing: float
+    distance: Array
+    elevation: Array
+    deviations: Mapping[str, Array]
+
+
+def _track(profile: xr.Dataset) -> _Track:
+    distance = profile["distance"].to_numpy()
+    spacing = float(np.median(np.diff(distance)))
+    count = int((distance[-1] - distance[0]) / spacing + 0.5) + 1
+    grid = np.linspace(distance[0], distance[-1], count)
+    deviations = {
+        str(name): np.interp(grid, distance, profile[name])
+        for name in profile.data_vars
+        if str(name).startswith("standard_deviation")
+    }
+    return _Track(spacing, grid, resample(distance, known_elevation(profile), grid), deviations)
+
+
+def _elevation_panel(track: _Track) -> Panel:
+    interval = _interval(track, track.elevation, "standard_deviation")
+    about = "the 95 % interval is ruled by the long waves" if interval else ""
+    lines = (_elevation_line(track, track.elevation),)
+    return Panel("Elevation", about, "mm", lines, interval, height=1.2)
+
+
+def _band_panel(track: _Track, band: Band) -> Panel | None:
+    """The elevation in a band, None where no piece of the profile can carry it."""
+    filtered = band_pass_pieces(track.elevation, track.spacing, band)
+    if np.isnan(filtered).all():
+        return None
+    about = f"RMS {_MILLI * _rms(filtered):.2g} mm"
+    key = f"standard_deviation_{band.name}"
+    if key in track.deviations:
+        stated = track.deviations[key][np.isfinite(filtered)]
+        about += f", stated standard deviation {_MILLI * _rms(stated):.2g} mm"
+    name = f"{band.name}, {band.shortest:g} to {band.longest:g} m"
+    lines = (_elevation_line(track, filtered),)
+    return Panel(name, about, "mm", lines, _interval(track, filtered, key))
+
+
+def _elevation_line(track: _Track, elevation: Array) -> Line:
+    return _line(ELEVATION, track.distance, _MILLI * elevation)
+
+
+def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
+    """The 95 % interval in mm, where the profile states one."""
+    if deviation not in track.deviations:
+        return None
+    half = _TWO_SIDED_95 * track.deviations[deviation]
+    low, high = _MILLI * (middle - half), _MILLI * (middle + half)
+    kept = np.union1d(extremes(low), extremes(high))
+    return Interval(track.distance[kept], low[kept], high[kept])
+
+
+def _channel_panels(channel: Channel, where: Array, model: ArrayLike | None) -> list[Panel]:
+    unit, factor = _SHOWN_IN[channel.quantity]
+    valid = True if channel.valid is None else channel.valid
+    measured = factor * np.where(valid, channel.values, np.nan)
+    name = channel.quantity.capitalize()
+    about = f"{channel.body}, {_place(channel.position)}"
+    lines = [_line(MEASURED, where, measured)]
+    if model is None:
+        return [Panel(name, about, unit, tuple(lines))]
+    signal = factor * np.asarray(model, dtype=float)
+    lines.append(_line(REPRODUCED, where, signal))
+    left = measured - signal
+    size = f"RMS {_rms(left):.2g} {unit}, of {_rms(measured):.2g} {unit} measured"
+    residual = Panel("Residual", size, unit, (_line(RESIDUAL, where, left),), height=0.6)
+    return [Panel(name, about, unit, tuple(lines)), residual]
+
+
+def _place(position: float) -> str:
+    if position == 0:
+        return "at its centre"
+    return f"{abs(position):g} m {'ahead of' if position > 0 else 'behind'} its centre"
+
+
+def _sample_distance(recording: xr.Dataset, given: ArrayLike | None) -> Array:
+    if given is None and "distance" not in recording:
+        raise DataError("The recording has no distance: give sample_distance, one per sample.")
+    where = np.asarray(recording["distance"] if given is None else given, dtype=float)
+    if where.shape != (recording.sizes["sample"],):
+        raise DataError(
+            f"sample_distance: expected one per sample, {recording.sizes['sample']}, "
+            f"got shape {where.shape}."
+        )
+    return where
+
+
+def _check_reproduced(
+    reproduced: Mapping[str, ArrayLike], known: tuple[Channel, ...], count: int
+) -> None:
+    names = [channel.name for channel in known]
+    for name, signal in reproduced.items():
+        if name not in names:
+            raise DataError(f"Reproduced {name}: the recording has only {', '.join(names)}.")
+        if np.shape(signal) != (count,):
+            raise DataError(
+                f"Reproduced {name}: expected one value per sample, {count}, "
+                f"got shape {np.shape(signal)}."
+            )
+
+
+def _line(name: str, x: Array, y: Array) -> Line:
+    kept = extremes(y)
+    return Line(name, x[kept], y[kept], decimated=kept.size < y.size)
+
+
+def _gaps(track: _Track) -> tuple[tuple[float, float], ...]:
+    """From the last known point before each gap to the first after it [m]."""
+    last = track.distance.size - 1
+    return tuple(
+        (float(track.distance[max(gap.start - 1, 0)]), float(track.distance[min(gap.stop, last)]))
+        for gap in runs(np.isnan(track.elevation))
+    )
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

@@ -1,0 +1,84 @@
+"""The chart as a page to look around in, by plotly."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from trackprofile.plot.chart import (
+    COLOURS,
+    GAP,
+    GAP_OPACITY,
+    INTERVAL,
+    INTERVAL_OPACITY,
+    WIDTHS,
+    Chart,
+    Panel,
+)
+
+_PANEL, _BETWEEN, _HEAD, _FOOT = 160, 36, 140, 50  # px
+_GRID = "#E5E5E5"
+
+
+def draw(chart: Chart) -> go.Figure:
+    """All panels one below the other, on one distance axis."""
+    heights = [panel.height for panel in chart.panels]
+    height = _PANEL * sum(heights) + _HEAD + _FOOT
+    figure = make_subplots(
+        rows=len(heights),
+        shared_xaxes=True,
+        vertical_spacing=_BETWEEN / (height - _HEAD - _FOOT),
+        row_heights=heights,
+        subplot_titles=[f"<b>{panel.name}</b>   {panel.about}" for panel in chart.panels],
+    )
+    figure.update_annotations(x=0, xanchor="left", font_size=13)
+    for row, panel in enumerate(chart.panels, start=1):
+        _draw_panel(figure, panel, row)
+    for start, stop in chart.gaps:
+        look = {"fillcolor": COLOURS[GAP], "opacity": GAP_OPACITY, "line_width": 0}
+        figure.add_vrect(start, stop, layer="below", row="all", col="all", **look)
+    figure.update_xaxes(gridcolor=_GRID, zeroline=False, showspikes=True, spikemode="across")
+    figure.update_xaxes(spikethickness=1, spikecolor="#999999", spikedash="solid")
+    figure.update_yaxes(gridcolor=_GRID, zerolinecolor="#AAAAAA", zerolinewidth=1)
+    figure.update_xaxes(title_text="distance in m", row=len(heights))
+    figure.update_layout(
+        title={"text": f"<b>{chart.title}</b>", "subtitle": {"text": chart.note}},
+        title_x=0,
+        title_xref="paper",
+        title_y=1 - 30 / height,
+        legend={"orientation": "h", "yref": "container", "y": 1 - 76 / height, "yanchor": "top"},
+        height=height,
+        margin={"l": 80, "r": 24, "t": _HEAD, "b": _FOOT},
+        template="plotly_white",
+        font={"family": "system-ui, Helvetica, Arial, sans-serif", "color": "#222222"},
+        hovermode="x",
+    )
+    return figure
+
+
+def html(figure: go.Figure) -> str:
+    """The whole page as text, the plotting library within it."""
+    title = re.sub("<.*?>", "", str(figure["layout"]["title"]["text"] or "Track profile"))
+    page = figure.to_html(include_plotlyjs=True, config={"displaylogo": False, "responsive": True})
+    return page.replace("<head>", f"<head><title>{escape(title)}</title>", 1)
+
+
+def _draw_panel(figure: go.Figure, panel: Panel, row: int) -> None:
+    traces = []
+    if panel.interval:
+        x, y = panel.interval.outline()
+        look = {"line_width": 0, "fill": "toself", "fillcolor": COLOURS[INTERVAL]}
+        look |= {"opacity": INTERVAL_OPACITY, "hoverinfo": "skip"}
+        traces.append(go.Scatter(x=x, y=y, name=INTERVAL, **look))
+    for line in panel.lines:
+        look = {"line_color": COLOURS[line.name], "line_width": WIDTHS[line.name]}
+        look |= {"hovertemplate": f"%{{y:.4g}} {panel.unit}"}
+        traces.append(go.Scatter(x=line.x, y=line.y, name=line.name, **look))
+    named = {trace.name for trace in figure.data}
+    for trace in traces:
+        trace.update(mode="lines", legendgroup=trace.name, showlegend=trace.name not in named)
+    figure.add_traces(traces, rows=row, cols=1)
+    figure.update_yaxes(title_text=panel.unit, row=row)

@@ -1,0 +1,71 @@
+"""The chart as a still picture, by matplotlib: no pyplot, no global state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from trackprofile.plot.chart import (
+    COLOURS,
+    GAP,
+    GAP_OPACITY,
+    INTERVAL,
+    INTERVAL_OPACITY,
+    WIDTHS,
+    Chart,
+    Panel,
+)
+
+_PANEL, _HEAD = 1.6, 1.3  # inches
+_QUIET = "#555555"
+
+
+def draw(chart: Chart) -> Figure:
+    """All panels one below the other, on one distance axis."""
+    heights = [panel.height for panel in chart.panels]
+    height = _PANEL * sum(heights) + _HEAD
+    figure = Figure(figsize=(11, height), layout="constrained")
+    strips = figure.subplots(
+        len(heights), sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )[:, 0]
+    legend = {}
+    for axes, panel in zip(strips, chart.panels, strict=True):
+        _draw_panel(axes, panel, chart.gaps)
+        handles, names = axes.get_legend_handles_labels()
+        legend |= dict(zip(names, handles, strict=True))
+    strips[-1].set(xlim=chart.ends, xlabel="distance in m")
+    figure.align_ylabels()
+    # The empty lines keep room for the legend, which no layout engine places below a title.
+    figure.suptitle(f"{chart.title}\n\n", x=0.008, ha="left", fontsize=13, weight="bold")
+    figure.legend(
+        legend.values(),
+        legend.keys(),
+        loc="upper left",
+        bbox_to_anchor=(0, 1 - 0.32 / height),
+        ncols=len(legend),
+        frameon=False,
+        fontsize=9,
+    )
+    figure.supxlabel(chart.note, x=0.008, ha="left", fontsize=8, color=_QUIET)
+    return figure
+
+
+def _draw_panel(axes: Axes, panel: Panel, gaps: Sequence[tuple[float, float]]) -> None:
+    if panel.interval:
+        area = panel.interval
+        look = {"color": COLOURS[INTERVAL], "alpha": INTERVAL_OPACITY, "linewidth": 0}
+        axes.fill_between(area.x, area.low, area.high, label=INTERVAL, **look)
+    for line in panel.lines:
+        look = {"color": COLOURS[line.name], "linewidth": 0.8 * WIDTHS[line.name]}
+        axes.plot(line.x, line.y, label=line.name, **look)
+    for start, stop in gaps:
+        axes.axvspan(start, stop, color=COLOURS[GAP], alpha=GAP_OPACITY, linewidth=0, label=GAP)
+    axes.set_title(panel.name, loc="left", fontsize=9.5, weight="bold")
+    axes.set_title(panel.about, loc="right", fontsize=9, color=_QUIET)
+    axes.set_ylabel(panel.unit, fontsize=9)
+    axes.grid(color="#E5E5E5", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8.5, color="#999999")

@@ -1,0 +1,294 @@
+"""The vehicle on its wheels' paths as a linear system, discretised exactly for any step.
+
+    ẋ = A x + B [z; ż],    y = C x + D [z; ż; z̈],    z_i(t) = r(s(t) - d_i)
+
+x = [q; q̇; w; offsets]: the free degrees of freedom, the unmodelled accelerations of the first body, and the
+sensors' constant offsets; z_i is the path of wheel i. The smoother and the calibration run on it; the full
+coupled model is written apart, so that each checks the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from trackprofile.errors import ModelError
+from trackprofile.sensor import PITCH_RATE, Sensor
+from trackprofile.track import ElasticTrack, RigidTrack, Track
+from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
+
+Array = NDArray[np.float64]
+
+UNMODELLED_BANDWIDTH = 10.0
+"""Hz up to which unmodelled accelerations are white: about where car bodies stop to be rigid."""
+
+POLES = 2
+"""Poles of their low-pass: with one alone, what a sampled signal folds back would hide the long waves."""
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """A vehicle on a track, seen by its sensors.
+
+    Parameters
+    ----------
+    freedoms : the f free degrees of freedom, (part, motion)
+    A : (n, n), n = 2 f + u + sensors; states are q (m, rad), q̇ (m/s, rad/s), those of the unmodelled
+        accelerations (m/s², rad/s²) and the offsets (sensor's unit)
+    B : (n, 2, wheels), for z in m and ż in m/s
+    C : (sensors, n); D : (sensors, 3, wheels), for z, ż and z̈
+    disturbance : (n, kinds), multiplies independent white noises of unit intensity; no columns where the model
+        is taken to be exact
+    wheel_positions : (wheels,), m behind the leading wheel
+    """
+
+    freedoms: tuple[tuple[str, str], ...]
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    disturbance: Array
+    wheel_positions: Array
+
+    @property
+    def first_unmodelled(self) -> int:
+        """Index of the first unmodelled acceleration among the states."""
+        return 2 * len(self.freedoms)
+
+    @property
+    def first_offset(self) -> int:
+        """Index of the first sensor's offset among the states."""
+        return self.first_unmodelled + POLES * self.disturbance.shape[1]
+
+
+def state_space(
+    vehicle: Vehicle, track: Track, sensors: Sequence[Sensor], unmodelled: float = 0.0
+) -> StateSpace:
+    """The linear system of a vehicle on a rigid path or on per-wheel springs.
+
+    On a :class:`RigidTrack` the wheels are their paths; on an :class:`ElasticTrack` each wheel is a degree of
+    freedom pushed by k_t (z - w) + c_t (ż - ẇ) (theory, section 7). ``unmodelled`` is the one-sided density,
+    m/s²/√Hz, of what a rigid, linear car leaves out (bending, roll, friction): random accelerations of the
+    first body's heave, and of its pitch as much as makes the same at the radius of gyration √(I/m).
+
+    Raises
+    ------
+    ModelError
+        Where a sensor names no part of the vehicle, or a wheel without mass stands on a spring.
+    """
+    full = assemble(vehicle)
+    wheels = [full.index(wheel.name, HEAVE) for wheel in vehicle.wheels]
+    free, K, Cd, push = _supported(vehicle, track, full, wheels)
+    freedoms = tuple(full.degrees_of_freedom[i] for i in free)
+    shaken = _shaken(vehicle, freedoms) if unmodelled > 0.0 else []
+    f, u = len(free), POLES * len(shaken)
+    n = 2 * f + u + len(sensors)
+    A, B = np.zeros((n, n)), np.zeros((n, 2, len(wheels)))
+    A[:f, f : 2 * f] = np.eye(f)
+    inertia = np.diag(full.mass)[free]
+    A[f : 2 * f, :f], A[f : 2 * f, f : 2 * f] = -K / inertia[:, None], -Cd / inertia[:, None]
+    B[f : 2 * f] = push / inertia[:, None, None]
+    disturbance = _shake(A, shaken, f, unmodelled)
+    C, D = np.zeros((len(sensors), n)), np.zeros((len(sensors), 3, len(wheels)))
+    for row, sensor in enumerate(sensors):
+        weights = _sensor_row(vehicle, full, sensor)
+        if sensor.quantity == PITCH_RATE:
+            C[row, f : 2 * f] = weights[free]
+        else:
+            C[row], D[row, :2] = weights[free] @ A[f : 2 * f], np.einsum("i,ijk", weights[free], B[f : 2 * f])
+            if isinstance(track, RigidTrack):
+                D[row, 2] = weights[wheels]
+        C[row, 2 * f + u + row] = 1.0
+    positions = np.array([wheel.position for wheel in vehicle.wheels])
+    return StateSpace(freedoms, A, B, C, D, disturbance, positions)
+
+
+def transfer_function(system: StateSpace, spatial_frequency: Array, speed: float) -> Array:
+    """Response of each sensor to a unit cosine of the profile under the leading wheel.
+
+    H(Ω) = C (iω - A)⁻¹ B [1; iω] e^{-iΩd} + D [1; iω; -ω²] e^{-iΩd},  ω = Ω v.
+
+    Parameters
+    ----------
+    spatial_frequency : (m,), rad/m, above 0
+    speed : m/s
+
+    Returns
+    -------
+    (m, sensors), complex, sensor's unit per m
+    """
+    omega = spatial_frequency * speed
+    states, paths = state_response(system, spatial_frequency, speed)
+    derivatives = np.stack([np.ones_like(omega) + 0j, 1j * omega, -(omega**2) + 0j], axis=1)
+    direct = np.einsum("sdw,md,mw->ms", system.D, derivatives, paths)
+    return states @ system.C.T + direct
+
+
+def state_response(system: StateSpace, spatial_frequency: Array, speed: float) -> tuple[Array, Array]:
+    """States (m, n) per metre of a unit harmonic profile, and the paths' phases (m, wheels)."""
+    omega = spatial_frequency * speed
+    paths = np.exp(-1j * np.outer(spatial_frequency, system.wheel_positions))
+    derivatives = np.stack([np.ones_like(omega) + 0j, 1j * omega], axis=1)
+    push = np.einsum("ndw,md,mw->mn", system.B, derivatives, paths)
+    vehicle = slice(0, system.first_unmodelled)
+    left = 1j * omega[:, None, None] * np.eye(system.first_unmodelled) - system.A[vehicle, vehicle]
+    states = np.zeros_like(push)
+    states[:, vehicle] = np.linalg.solve(left, push[:, vehicle, None])[..., 0]
+    return states, paths
+
+
+def generator(system: StateSpace) -> Array:
+    """The matrix G with d/dt [x; a] = G [x; a], a_j the j-th time derivative of the wheels' paths, j = 0..3.
+
+    Between two samples each path is a cubic (as the profile's spline is between knots), so that exp(G t)
+    moves the state exactly.
+
+    Returns
+    -------
+    (n + 4 wheels, n + 4 wheels), the derivatives ordered by j, then wheel
+    """
+    n, wheels = len(system.A), len(system.wheel_positions)
+    matrix = np.zeros((n + 4 * wheels, n + 4 * wheels))
+    matrix[:n, :n] = system.A
+    matrix[:n, n : n + wheels] = system.B[:, 0]
+    matrix[:n, n + wheels : n + 2 * wheels] = system.B[:, 1]
+    for j in range(3):
+        rows = slice(n + j * wheels, n + (j + 1) * wheels)
+        matrix[rows, n + (j + 1) * wheels : n + (j + 2) * wheels] = np.eye(wheels)
+    return matrix
+
+
+@dataclass(frozen=True)
+class StepTable:
+    """The motion over every step t in 0..longest, as Taylor polynomials around evenly spaced nodes.
+
+    ``motion`` (nodes, order, n, n + 4 wheels): the first n rows of exp(G t_i) Gᵏ / k!;
+    ``noise`` (nodes, order, n, n): the same of Q(t) = ∫ e^(Aτ) d dᵀ e^(Aτ)ᵀ dτ, which the disturbances d add.
+    """
+
+    spacing: float
+    motion: Array
+    noise: Array
+
+
+TAYLOR_ORDER = 13
+
+
+def step_table(system: StateSpace, longest: float) -> StepTable:
+    """Tabulate the motion over any step up to ``longest`` s, to round-off.
+
+    Nodes lie so close that |λ| δ ≤ 1/4 for the fastest eigenvalue λ and the largest distance δ to a node:
+    the first term left out is (1/4)¹³/13! = 2e-18 of the whole.
+    """
+    n = len(system.A)
+    G = generator(system)
+    fastest = np.max(np.abs(np.linalg.eigvals(system.A)))
+    nodes = int(np.ceil(longest * fastest / 0.5)) + 1
+    spacing = longest / max(nodes - 1, 1)
+    powers = [np.eye(len(G))]
+    for k in range(1, TAYLOR_ORDER):
+        powers.append(powers[-1] @ G / k)
+    motion = np.empty((nodes, TAYLOR_ORDER, n, len(G)))
+    noise = np.zeros((nodes, TAYLOR_ORDER, n, n))
+    intensity = system.disturbance @ system.disturbance.T
+    step, stepped = expm(G * spacing), _noise_over(system.A, intensity, spacing)
+    there, added = np.eye(len(G)), np.zeros((n, n))
+    for i in range(nodes):
+        for k, power in enumerate(powers):
+            motion[i, k] = there[:n] @ power
+        _noise_polynomial(system.A, intensity, added, noise[i])
+        added = step[:n, :n] @ added @ step[:n, :n].T + stepped
+        there = there @ step
+    return StepTable(spacing, motion, noise)
+
+
+def _noise_over(A: Array, intensity: Array, duration: float) -> Array:
+    """∫ e^(Aτ) q e^(Aτ)ᵀ dτ over 0..duration, by the exponential of a block matrix (Van Loan 1978)."""
+    n = len(A)
+    block = np.block([[-A, intensity], [np.zeros((n, n)), A.T]])
+    exponential = expm(block * duration)
+    return exponential[n:, n:].T @ exponential[:n, n:]
+
+
+def _noise_polynomial(A: Array, intensity: Array, start: Array, out: Array) -> None:
+    """Taylor coefficients of Q(t) around ``start``: Q' = A Q + Q Aᵀ + q."""
+    out[0] = start
+    for k in range(1, len(out)):
+        product = A @ out[k - 1]
+        out[k] = (product + product.T + (intensity if k == 1 else 0.0)) / k
+
+
+def _supported(
+    vehicle: Vehicle, track: Track, full: Assembly, wheels: list[int]
+) -> tuple[list[int], Array, Array, Array]:
+    """Free degrees of freedom, their K and C, and the push (free, 2, wheels) of z and ż."""
+    everything = list(range(len(full.degrees_of_freedom)))
+    match track:
+        case RigidTrack():
+            free = [i for i in everything if i not in wheels]
+            K, C = full.stiffness, full.damping
+            push = -np.stack([K[np.ix_(free, wheels)], C[np.ix_(free, wheels)]], axis=1)
+        case ElasticTrack():
+            for wheel in vehicle.wheels:
+                if not wheel.mass > 0:
+                    raise ModelError(
+                        f"vehicle {vehicle.name!r}: wheel {wheel.name!r} has no mass, so it cannot stand on an "
+                        "elastic track; give it a mass or use the rigid track"
+                    )
+            free = everything
+            on_wheels = np.zeros((len(free), len(wheels)))
+            on_wheels[wheels, range(len(wheels))] = 1.0
+            K = full.stiffness + track.stiffness * on_wheels @ on_wheels.T
+            C = full.damping + track.damping * on_wheels @ on_wheels.T
+            push = np.stack([track.stiffness * on_wheels, track.damping * on_wheels], axis=1)
+    return free, K[np.ix_(free, free)], C[np.ix_(free, free)], push
+
+
+def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
+    """The row that reads the sensor's displacement or pitch off all degrees of freedom."""
+    parts = [*(body.name for body in vehicle.bodies), *(wheel.name for wheel in vehicle.wheels)]
+    if sensor.body not in parts:
+        raise ModelError(
+            f"sensor {sensor.name!r} stands on {sensor.body!r}, which vehicle {vehicle.name!r} does not have; "
+            f"it has {', '.join(parts)}"
+        )
+    freedoms = full.degrees_of_freedom
+    if sensor.quantity == PITCH_RATE:
+        if (sensor.body, PITCH) not in freedoms:
+            raise ModelError(f"sensor {sensor.name!r} measures pitch, but {sensor.body!r} only heaves")
+        row = np.zeros(len(freedoms))
+        row[freedoms.index((sensor.body, PITCH))] = 1.0
+        return row
+    on_wheel = [wheel.position for wheel in vehicle.wheels if wheel.name == sensor.body]
+    centre = on_wheel[0] if on_wheel else vehicle.body(sensor.body).position
+    return displacement_row(vehicle, freedoms, sensor.body, centre - sensor.position)
+
+
+def _shaken(
+    vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...]
+) -> list[tuple[int, float]]:
+    """Freedoms of the first body that unmodelled accelerations act on, with their relative densities."""
+    body = vehicle.bodies[0]
+    shaken = [(freedoms.index((body.name, HEAVE)), 1.0)]
+    if body.pitch_inertia is not None:
+        radius = np.sqrt(body.pitch_inertia / body.mass)
+        shaken.append((freedoms.index((body.name, PITCH)), float(1.0 / radius)))
+    return shaken
+
+
+def _shake(A: Array, shaken: list[tuple[int, float]], f: int, density: float) -> Array:
+    """Put low-passed accelerations into A, ẇ_1 = -ω w_1 + noise, ẇ_2 = ω (w_1 - w_2), q̈ += w_2; their input."""
+    rate = 2 * np.pi * UNMODELLED_BANDWIDTH
+    disturbance = np.zeros((len(A), len(shaken)))
+    for kind, (freedom, relative) in enumerate(shaken):
+        first = 2 * f + POLES * kind
+        A[first, first] = A[first + 1, first + 1] = -rate
+        A[first + 1, first] = rate
+        A[f + freedom, first + 1] = 1.0
+        # White noise of one-sided density N has the intensity N²/2.
+        disturbance[first, kind] = rate * relative * density / np.sqrt(2)
+    return disturbance
