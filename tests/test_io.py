@@ -426,3 +426,14 @@ def test_files_appear_together_and_only_at_the_end(tmp_path: Path) -> None:
         assert [file.suffix for file in files] == [".csv", ".png"]
         assert not (tmp_path / "a.csv").exists()
     assert sorted(os.listdir(tmp_path)) == ["a.csv", "b.png"]
+
+
+def test_a_sensors_own_filter_comes_back_from_toml_and_netcdf(tmp_path: Path) -> None:
+    floor = Channel(
+        "floor", np.zeros(3), "vertical acceleration", "body", 6.9, bandwidth=10.0
+    )
+    recording = build_recording([floor], time=[0.0, 0.1, 0.2], speed=[20.0, 20.0, 20.0])
+    for name in ("run.toml", "run.nc"):
+        write(recording, tmp_path / name)
+        back = channels(read(tmp_path / name))[0]
+        assert back.bandwidth == 10.0

@@ -21,8 +21,9 @@ LAYERS = (
     {"simulate", "statespace"},
     {"inference", "comparison", "assess", "io"},
     {"plot"},
-    {"report"},
-    {"cli", "demo", "bench"},
+    {"report", "outputs"},
+    {"demo", "bench"},
+    {"cli"},
     {"__main__"},
 )
 LAYER = {room: number for number, rooms in enumerate(LAYERS) for room in rooms}

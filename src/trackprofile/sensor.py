@@ -67,7 +67,8 @@ class Installation:
     ----------
     origin : m by which the leading wheel stands ahead of the recorded distance
     sensors : calibrated sensors; each replaces what a recording says of the channel with its quantity and body
-    unmodelled : one-sided density of the body's unmodelled acceleration, m/s²/√Hz; None where unknown
+    unmodelled : root mean square of the first body's unmodelled acceleration, as a share of what is measured there;
+        None where unknown
     """
 
     origin: float = 0.0

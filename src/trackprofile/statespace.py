@@ -54,16 +54,6 @@ class StateSpace:
     disturbance: Array
     wheel_positions: Array
 
-    @property
-    def first_unmodelled(self) -> int:
-        """Index of the first unmodelled acceleration among the states."""
-        return 2 * len(self.freedoms)
-
-    @property
-    def first_offset(self) -> int:
-        """Index of the first sensor's offset among the states."""
-        return self.first_unmodelled + POLES * self.disturbance.shape[1]
-
 
 def state_space(
     vehicle: Vehicle, track: Track, sensors: Sequence[Sensor], unmodelled: float = 0.0
@@ -134,11 +124,8 @@ def state_response(system: StateSpace, spatial_frequency: Array, speed: float) -
     paths = np.exp(-1j * np.outer(spatial_frequency, system.wheel_positions))
     derivatives = np.stack([np.ones_like(omega) + 0j, 1j * omega], axis=1)
     push = np.einsum("ndw,md,mw->mn", system.B, derivatives, paths)
-    vehicle = slice(0, system.first_unmodelled)
-    left = 1j * omega[:, None, None] * np.eye(system.first_unmodelled) - system.A[vehicle, vehicle]
-    states = np.zeros_like(push)
-    states[:, vehicle] = np.linalg.solve(left, push[:, vehicle, None])[..., 0]
-    return states, paths
+    left = 1j * omega[:, None, None] * np.eye(len(system.A)) - system.A
+    return np.linalg.solve(left, push[..., None])[..., 0], paths
 
 
 def generator(system: StateSpace) -> Array:

@@ -50,6 +50,7 @@ class Channel:
     position : ahead of that body's centre [m]
     noise_density : one-sided, in the channel's unit per √Hz; None if not known
     valid : (samples,), False where the sample is not to be used; None if all are good
+    bandwidth : where the sensor's own filter cuts off [Hz]; None if the sampling sets it
     """
 
     name: str
@@ -59,6 +60,7 @@ class Channel:
     position: float
     noise_density: float | None = None
     valid: NDArray[np.bool_] | None = None
+    bandwidth: float | None = None
 
 
 def build_recording(
@@ -129,6 +131,7 @@ def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
             position=float(variable.attrs["position"]),
             noise_density=_optional(variable.attrs.get("noise_density")),
             valid=flags_of(recording, f"{name}_valid", "sample").astype(bool),
+            bandwidth=_optional(variable.attrs.get("bandwidth")),
         )
         for name, variable in recording.data_vars.items()
         if "quantity" in variable.attrs
@@ -176,8 +179,9 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
         "body": channel.body,
         "position": float(channel.position),
     }
-    if channel.noise_density is not None:
-        attributes["noise_density"] = float(channel.noise_density)
+    for optional in ("noise_density", "bandwidth"):
+        if (number := getattr(channel, optional)) is not None:
+            attributes[optional] = float(number)
     put(dataset, name, "sample", channel.values, attributes)
     valid = np.ones(dataset.sizes["sample"], bool) if channel.valid is None else channel.valid
     put(dataset, f"{name}_valid", "sample", valid, {}, np.bool_)
@@ -239,9 +243,10 @@ def _check_channel(name: str, recording: xr.Dataset) -> None:
     body = attributes.get("body")
     if not (isinstance(body, str) and body and np.isfinite(number_in(attributes, "position"))):
         raise DataError(f"Channel {name!r}: expected the body it is on, and a position on it in m.")
-    density = number_in({"noise_density": 1.0} | attributes, "noise_density")
-    if not 0 < density < np.inf:
-        raise DataError(f"Channel {name!r}: expected a noise_density above zero, got {density:g}.")
+    for optional in ("noise_density", "bandwidth"):
+        number = number_in({optional: 1.0} | attributes, optional)
+        if not 0 < number < np.inf:
+            raise DataError(f"Channel {name!r}: expected a {optional} above zero, got {number:g}.")
     values = values_of(recording, name, "sample", QUANTITIES[quantity][0])
     valid = flags_of(recording, f"{name}_valid", "sample").astype(bool)
     if not valid.any():

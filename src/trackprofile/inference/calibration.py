@@ -29,6 +29,7 @@ from trackprofile.inference.measured import (
     prepared_filter,
     ride_of,
     row_signals,
+    shaken_channel,
     start_of,
 )
 from trackprofile.inference.noise import USUAL
@@ -218,8 +219,8 @@ def _started(data: list[Measured], vehicle: Vehicle, track: Track, installation:
         rms = float(np.std(first.signals[first.valid[:, i], i]))
         guess = sensor.noise_density or 0.02 * rms / np.sqrt(10.0)
         sensors.append(replace(sensor, noise_density=guess))
-    loudest = max(float(np.std(one.signals)) for one in data)
-    unmodelled = installation.unmodelled or 0.1 * loudest / np.sqrt(10.0)
+    on_body = shaken_channel(vehicle, first.sensors) is not None
+    unmodelled = (installation.unmodelled or 0.1) if on_body else 0.0
     error_of_reference = scaled(USUAL, 0.01)
     return Model(vehicle, track, tuple(sensors), installation.origin, unmodelled, error_of_reference)
 
@@ -244,10 +245,9 @@ def _with_best_origin(
     """The origin with the highest likelihood on a grid: it has many local maxima, a wave apart."""
     if not any(one.name == "origin" for one in free):
         return start
-    trials = [
-        replace(start, origin=start.origin + shift)
-        for shift in np.arange(-SEARCHED_ORIGINS, SEARCHED_ORIGINS + 0.5, 1.0)
-    ]
+    # Off the knots: where all samples of a distance-sampled recording lie on knots, round-off decides their bays.
+    shifts = np.arange(-SEARCHED_ORIGINS, SEARCHED_ORIGINS, 1.0) + 0.45 * KNOT_SPACING
+    trials = [replace(start, origin=start.origin + shift) for shift in shifts]
     heights = [log_likelihood(*_innovations(data, known, trial)) for trial in trials]
     return trials[int(np.argmax(heights))]
 

@@ -10,11 +10,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel, channels
-from trackprofile.errors import DataError
+from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.ride import Ride, build_ride
 from trackprofile.inference.smoother import Filter, Start, prepare, start_of_ride
 from trackprofile.motion import Motion, motion, recorded_step
-from trackprofile.sensor import Installation, Sensor
+from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import UNMODELLED_BANDWIDTH, POLES, StateSpace, state_space
 from trackprofile.track import Track
@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 KNOT_SPACING = 0.25
 """m between the spline's knots: EN 13848-2 asks for a sampling distance of at most this."""
+
+LOCAL = 50.0
+"""m to each side over which the strength of a signal is taken."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,10 @@ def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
 
 @dataclass(frozen=True)
 class Model:
-    """Everything that the likelihood of a recording depends on; all noise densities are given."""
+    """Everything that the likelihood of a recording depends on.
+
+    All noise densities are given; ``unmodelled`` is the share of :class:`trackprofile.sensor.Installation`.
+    """
 
     vehicle: Vehicle
     track: Track
@@ -92,8 +98,41 @@ def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
             f"The recording covers {run:.1f} m, but from the first to the last wheel of "
             f"{model.vehicle.name!r} there are {length:.1f} m; record a longer stretch."
         )
-    system = state_space(model.vehicle, model.track, model.sensors, model.unmodelled)
-    return system, build_ride(system, moved, data.valid, KNOT_SPACING)
+    system = state_space(model.vehicle, model.track, model.sensors, float(model.unmodelled > 0))
+    ride = build_ride(system, moved, data.valid, KNOT_SPACING)
+    if model.unmodelled > 0:
+        density = np.interp(ride.bay_position, moved.distance, unmodelled_density(data, model))
+        ride = replace(ride, Q=ride.Q * np.square(density)[:, None, None])
+    return system, ride
+
+
+def unmodelled_density(data: Measured, model: Model) -> Array:
+    """One-sided density of the unmodelled acceleration at each sample, m/s²/√Hz.
+
+    A share of the root mean square that an accelerometer on the first body measures within ``LOCAL`` m: what a
+    rigid, linear car leaves out grows with what excites it. N = share · rms / √(π/4 · bandwidth), for two poles.
+    """
+    i = shaken_channel(model.vehicle, data.sensors)
+    if i is None:
+        raise ModelError(
+            f"Unmodelled acceleration is a share of what is measured on {model.vehicle.bodies[0].name!r}, where the "
+            "recording has no accelerometer; set unmodelled to 0 in the installation."
+        )
+    valid, at = data.valid[:, i], data.motion.distance
+    signal = np.where(valid, data.signals[:, i] - np.mean(data.signals[valid, i]), 0.0)
+    power = np.concatenate([[0.0], np.cumsum(signal**2)])
+    count = np.concatenate([[0], np.cumsum(valid)])
+    low, high = np.searchsorted(at, at - LOCAL), np.searchsorted(at, at + LOCAL, side="right")
+    local = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
+    return model.unmodelled * np.sqrt(local / (np.pi / 4 * UNMODELLED_BANDWIDTH))
+
+
+def shaken_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
+    """Index of the first accelerometer on the vehicle's first body, if there is one."""
+    for i, sensor in enumerate(sensors):
+        if (sensor.body, sensor.quantity) == (vehicle.bodies[0].name, VERTICAL_ACCELERATION):
+            return i
+    return None
 
 
 def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> Filter:
@@ -104,8 +143,9 @@ def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> F
 def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> Start:
     """The prior of the first state, with the spread of unmodelled accelerations and offsets."""
     kinds = system.disturbance.shape[1]
-    # Stationary standard deviation of the low-passed noise, N √(π f / 4), and a little more before its pole.
-    spread = 2.0 * model.unmodelled * np.sqrt(UNMODELLED_BANDWIDTH)
+    # The first of the two poles passes twice the power that the second leaves: N √(π/2 · bandwidth).
+    loudest = float(np.max(unmodelled_density(data, model))) if kinds else 0.0
+    spread = loudest * np.sqrt(np.pi / 2 * UNMODELLED_BANDWIDTH)
     offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
     others = np.array([spread] * (POLES * kinds) + offsets)
     return start_of_ride(system, model.spectrum, ride, others)

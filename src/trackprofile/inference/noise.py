@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 LONGEST_STRETCH = 1500.0
 """m of the recording that are enough to find a noise level."""
 
-USUAL = Spectrum("level and knee from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA (White et al. 1978)")
+USUAL = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee of ")
 """Where the search for the prior starts: between FRA 6 and a good main line."""
 
 
@@ -52,9 +52,8 @@ def find_noise(
 ) -> tuple[Model, tuple[str, ...]]:
     """The model with every noise density and the prior filled in, and sentences that say how.
 
-    What is stated is kept. Unknown are: the prior's amplitude and knee where no prior is given, the noise of
-    sensors that do not state theirs, and the unmodelled acceleration where the calibration found any: it grows
-    with the roughness and the speed of the day, so that the calibrated value is only where the search starts.
+    What is stated is kept. Unknown are the prior's amplitude where no prior is given, and the noise of sensors
+    that do not state theirs.
     """
     model = Model(
         vehicle, track, _started(data), installation.origin, installation.unmodelled or 0.0, prior or USUAL
@@ -103,9 +102,6 @@ def _unknowns(model: Model, data: Measured, prior: Spectrum | None) -> list[Unkn
     unknowns = []
     if prior is None:
         unknowns.append(Unknown("prior amplitude", "m² rad/m", USUAL.amplitude, 3.0))
-        unknowns.append(Unknown("prior knee", "rad/m", USUAL.upper, 0.7))
-    if model.unmodelled > 0.0:
-        unknowns.append(Unknown("unmodelled acceleration", "m/s²/√Hz", model.unmodelled, 1.0))
     for stated, started in zip(data.sensors, model.sensors, strict=True):
         if stated.noise_density is None and started.noise_density is not None:
             unit = UNITS[stated.quantity].replace("m/s2", "m/s²") + "/√Hz"
@@ -118,14 +114,12 @@ def _with(model: Model, data: Measured, prior: Spectrum | None, values: Array) -
     remaining = iter(float(value) for value in values)
     spectrum = model.spectrum
     if prior is None:
-        amplitude, knee = next(remaining), next(remaining)
-        spectrum = replace(spectrum, amplitude=amplitude, upper=max(knee, 2 * spectrum.lower))
-    unmodelled = next(remaining) if model.unmodelled > 0.0 else 0.0
+        spectrum = replace(spectrum, amplitude=next(remaining))
     sensors = tuple(
         replace(started, noise_density=next(remaining)) if stated.noise_density is None else started
         for stated, started in zip(data.sensors, model.sensors, strict=True)
     )
-    return replace(model, spectrum=spectrum, unmodelled=unmodelled, sensors=sensors)
+    return replace(model, spectrum=spectrum, sensors=sensors)
 
 
 def _informative(data: Measured) -> Measured:

@@ -57,7 +57,8 @@ def _all(model: Model) -> list[Parameter]:
     every.append(Parameter(ORIGIN, "m", 5.0, positive=False))
     for sensor in model.sensors:
         every.append(Parameter(f"position of {sensor.name}", "m", 1.0, positive=False))
-    every.append(Parameter(UNMODELLED, "m/s²/√Hz", 2.0))
+    if model.unmodelled > 0:
+        every.append(Parameter(UNMODELLED, "of the measured", 2.0))
     for sensor in model.sensors:
         unit = UNITS[sensor.quantity].replace("m/s2", "m/s²") + "/√Hz"
         every.append(Parameter(f"noise of {sensor.name}", unit, 2.0, nuisance=True))

@@ -40,7 +40,8 @@ class Ride:
 
     ``bases`` (bays, wheels) are the indices of the first coefficients that the wheels reach.
     ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there
-    are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is; knots are counted from ``first_knot`` and lie ``spacing`` m apart.
+    are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is;
+    ``bay_position`` (bays,) is where the leading wheel starts each bay, m; knots are counted from ``first_knot`` and lie ``spacing`` m apart.
     """
 
     F: Array
@@ -52,6 +53,7 @@ class Ride:
     first_row: Indices
     samples: Indices
     sensors: Indices
+    bay_position: Array
     spacing: float
     ring: int
     newest: int
@@ -102,7 +104,8 @@ def build_ride(system: StateSpace, motion: Motion, valid: NDArray[np.bool_], spa
         F, G, Q, rows,
     )  # fmt: skip
     return Ride(
-        F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, spacing, ring, newest,
+        F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, first_position[:, 0],
+        spacing, ring, newest,
         float(steps.position[0]), float(steps.speed[0]),
     )  # fmt: skip
 

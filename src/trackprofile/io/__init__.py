@@ -89,10 +89,19 @@ def write(dataset: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     DataError : the dataset does not keep its contract.
     """
     path = Path(path)
-    kind = validated(dataset).attrs["kind_of_data"]
+    return format_to_write(validated(dataset).attrs["kind_of_data"], path).write(dataset, path)
+
+
+def format_to_write(kind: str, path: Path) -> Format:
+    """The format in which `write` would put a recording or profile there, before there is one.
+
+    Raises
+    ------
+    FileError : the suffix is unknown or cannot hold it.
+    """
     for one in _formats(path):
         if kind in one.HOLDS:
-            return one.write(dataset, path)
+            return one
     suffixes = [end for one in FORMATS if kind in one.HOLDS for end in one.SUFFIXES]
     raise FileError(f"{path}: a {kind} is written to a file that ends in {', '.join(suffixes)}.")
 

@@ -32,11 +32,7 @@ def whole_files(*paths: str | Path) -> Iterator[tuple[Path, ...]]:
     ['profile.csv']
     """
     targets = tuple(Path(path) for path in paths)
-    for target in targets:
-        if target.is_dir():
-            raise FileError(f"{target}: expected a file to write, this is a folder; add a name.")
-        if not target.parent.is_dir():
-            raise FileError(f"{target}: there is no folder {target.parent}; create it first.")
+    check_places(*targets)
     token = secrets.token_hex(4)
     parts = tuple(path.with_name(f".{path.stem}.{token}{path.suffix}") for path in targets)
     try:
@@ -49,3 +45,19 @@ def whole_files(*paths: str | Path) -> Iterator[tuple[Path, ...]]:
     finally:
         for part in parts:
             part.unlink(missing_ok=True)
+
+
+def check_places(*paths: str | Path) -> None:
+    """See that files can have these names: worth asking before long work.
+
+    Raises
+    ------
+    FileError : a path is a folder, or its folder is missing or not writable.
+    """
+    for path in map(Path, paths):
+        if path.is_dir():
+            raise FileError(f"{path}: expected a file to write, this is a folder; add a name.")
+        if not path.parent.is_dir():
+            raise FileError(f"{path}: there is no folder {path.parent}; create it first.")
+        if not os.access(path.parent, os.W_OK):
+            raise FileError(f"{path}: the folder {path.parent} is not writable.")

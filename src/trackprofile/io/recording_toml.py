@@ -12,6 +12,7 @@ quantity = "vertical acceleration"                 # or "pitch rate"
 body = "body"                                      # a body of the vehicle, by name
 position = 6.9                                     # m ahead of that body's centre
 noise_density = 0.01                               # optional, per root hertz, in the unit above
+bandwidth = 10                                     # optional, Hz, where its own filter cuts off
 valid = "accelerometer_good"                       # optional, a column of 1 and 0
 """
 
@@ -62,6 +63,7 @@ class _Sensor(toml_document.Strict):
     body: str
     position: float
     noise_density: PositiveFloat | None = None
+    bandwidth: PositiveFloat | None = None
     valid: str | None = None
 
 
@@ -144,6 +146,7 @@ def _recording(explained: Path, data: Path, document: _Document) -> xr.Dataset:
             body=one.body,
             position=one.position,
             noise_density=None if one.noise_density is None else factor * one.noise_density,
+            bandwidth=one.bandwidth,
             valid=None if one.valid is None else values[one.valid],
         )
         for one, factor in zip(sensors, sensor_factors, strict=True)
@@ -191,6 +194,7 @@ def _explanation(dataset: xr.Dataset, data: str, columns: dict) -> str:
             "body": channel.body,
             "position": channel.position,
             "noise_density": channel.noise_density,
+            "bandwidth": channel.bandwidth,
             "valid": f"{channel.name}_valid" if f"{channel.name}_valid" in columns else None,
         }
         lines += _lines({key: value for key, value in sensor.items() if value is not None})

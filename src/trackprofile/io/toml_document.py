@@ -50,7 +50,9 @@ def written(value: object) -> str:
     '{ column = "speed", unit = "m/s" }'
     """
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_key(key)} = {written(one)}" for key, one in value.items()) + " }"
+        return (
+            "{ " + ", ".join(f"{_key(key)} = {written(one)}" for key, one in value.items()) + " }"
+        )
     if isinstance(value, str):
         # JSON escapes as TOML does, but for the delete character.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
@@ -66,7 +68,7 @@ def written(value: object) -> str:
 
 
 def document(table: Mapping[str, object]) -> str:
-    """A whole document: mappings become tables, sequences of mappings lists of tables, None nothing.
+    """A whole document: mappings become tables, sequences of them lists of tables, None nothing.
 
     Examples
     --------
@@ -80,25 +82,25 @@ def document(table: Mapping[str, object]) -> str:
 
 
 def _lines(table: Mapping[str, object], above: str) -> Iterator[str]:
-    inner: list[tuple[str, Mapping[str, object]]] = []
+    for key, value in table.items():
+        if value is not None and not isinstance(value, Mapping) and not _is_tables(value):
+            yield f"{_key(key)} = {written(value)}"
     for key, value in table.items():
         name = above + _key(key)
         if isinstance(value, Mapping):
-            inner.append((f"[{name}]", value))
+            # A table of nothing but tables needs no head of its own.
+            if not value or not all(isinstance(one, Mapping) for one in value.values()):
+                yield from ("", f"[{name}]")
+            yield from _lines(value, name + ".")
         elif _is_tables(value):
-            inner += [(f"[[{name}]]", one) for one in value]
-        elif value is not None:
-            yield f"{_key(key)} = {written(value)}"
-    for head, one in inner:
-        plain = any(not isinstance(value, Mapping) for value in one.values())
-        if plain or not one:  # a table of tables alone needs no head of its own
-            yield from ("", head)
-        yield from _lines(one, head.strip("[]") + ".")
+            for one in value:
+                yield from ("", f"[[{name}]]", *_lines(one, name + "."))
 
 
 def _is_tables(value: object) -> TypeGuard[Sequence[Mapping[str, object]]]:
-    tables = isinstance(value, Sequence) and not isinstance(value, str)
-    return tables and len(value) > 0 and all(isinstance(one, Mapping) for one in value)
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        return False
+    return len(value) > 0 and all(isinstance(one, Mapping) for one in value)
 
 
 def _key(name: str) -> str:

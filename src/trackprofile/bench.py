@@ -1,0 +1,126 @@
+"""The figures of speed and memory that the README quotes."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackprofile.inference.measured import KNOT_SPACING
+from trackprofile.inference.ride import build_ride
+from trackprofile.inference.smoother import knot_variance, prepare, smooth, start_of_ride
+from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.motion import Motion
+from trackprofile.statespace import state_space
+
+SPEED = 150 / 3.6  # m/s
+SAMPLING = 500.0  # Hz
+REPETITIONS = 3
+
+
+@dataclass(frozen=True)
+class Result:
+    """One figure, smaller is better."""
+
+    name: str
+    value: float
+    unit: str
+
+
+def measure() -> dict[str, Any]:
+    """All figures, as `bench --json` prints them: each from the best of three runs.
+
+    The smoother runs in a process of its own, on one thread: the paper's car on elastic track, at
+    150 km/h, two sensors at 500 Hz. Memory is what the peak grows by from 1 km to 2 km.
+    """
+    results = [*_in_one_thread(), Result("help_s", _best(_help), "s")]
+    machine = f"{_processor()}, {platform.machine()}, Python {platform.python_version()}"
+    return {"results": [vars(result) for result in results], "machine": machine}
+
+
+def smoother_figures() -> list[Result]:
+    """The smoother's figures, of this process."""
+    _smooth(100.0, variance=True)  # compiles, or loads what is compiled
+    without = _best(lambda: _smooth(1000.0, variance=False))
+    with_variance = _best(lambda: _smooth(1000.0, variance=True))
+    one = _peak_memory()
+    _smooth(2000.0, variance=True)
+    return [
+        Result("smoother_ms_per_m", without, "ms/m"),  # s per 1000 m
+        Result("smoother_with_variance_ms_per_m", with_variance, "ms/m"),
+        Result("memory_mb_per_km", _peak_memory() - one, "MB/km"),
+    ]
+
+
+def _smooth(length: float, variance: bool) -> None:
+    """The smoother, from motion and signals to the profile and its variance, over ``length`` m."""
+    sensors, spectrum = read_sensors("bogie-25ug"), read_spectrum("fra-6")
+    system = state_space(read_vehicle("velaro")[0], read_track("zhai"), sensors)
+    time_ = np.arange(round(length / SPEED * SAMPLING)) / SAMPLING
+    still = np.zeros(len(time_))
+    motion = Motion(time_, SPEED * time_, still + SPEED, still)
+    ride = build_ride(system, motion, np.ones((len(time_), len(sensors)), bool), KNOT_SPACING)
+    offsets = np.array([sensor.offset_standard_deviation for sensor in sensors])
+    density = np.array([sensor.noise_density for sensor in sensors], dtype=np.float64)
+    noise = (density**2 * SAMPLING / 2)[ride.sensors]
+    prepared = prepare(ride, spectrum, noise, start_of_ride(system, spectrum, ride, offsets))
+    signals = np.random.default_rng(0).standard_normal((len(ride.rows), 1))
+    smooth(prepared, signals)
+    if variance:
+        knot_variance(prepared)
+
+
+def _in_one_thread() -> list[Result]:
+    code = (
+        "import json; from trackprofile.bench import smoother_figures; "
+        "print(json.dumps([vars(one) for one in smoother_figures()]))"
+    )
+    threads = dict.fromkeys(
+        ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | threads,
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    return [Result(**one) for one in json.loads(done.stdout)]
+
+
+def _help() -> None:
+    command = [sys.executable, "-m", "trackprofile", "--help"]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def _best(run: Callable[[], None]) -> float:
+    """Seconds that the quickest of three runs took."""
+    taken = []
+    for _ in range(REPETITIONS):
+        start = time.perf_counter()
+        run()
+        taken.append(time.perf_counter() - start)
+    return min(taken)
+
+
+def _peak_memory() -> float:
+    """Of this process [MB]."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
+
+
+def _processor() -> str:
+    about = Path("/proc/cpuinfo")
+    lines = about.read_text().splitlines() if about.exists() else []
+    models = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
+    return f"{os.cpu_count()} cores of {models[0] if models else platform.processor()}"

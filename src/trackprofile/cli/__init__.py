@@ -1,0 +1,315 @@
+"""The command `trackprofile`: arguments, progress, exit codes; what is computed stands elsewhere.
+
+Nothing heavy is imported before a command runs, so that help and wrong usage answer at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from trackprofile import __version__
+from trackprofile.cli import show
+from trackprofile.errors import DataError, FileError, TrackprofileError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trackprofile.sensor import Installation
+    from trackprofile.vehicle import Vehicle
+
+app = typer.Typer(
+    help="Track profiles, with their uncertainty, from what an ordinary train's sensors record.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+class Method(StrEnum):
+    """How `infer` finds the profile."""
+
+    SMOOTHER = "smoother"
+
+
+From = Annotated[float | None, typer.Option("--from", metavar="M", help="Start of the stretch, m.")]
+To = Annotated[float | None, typer.Option("--to", metavar="M", help="End of the stretch, m.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+TrackName = Annotated[
+    str, typer.Option("--track", metavar="T", help="rigid, a preset such as zhai, or a TOML.")
+]
+OptionalVehicle = Annotated[
+    str | None,
+    typer.Option("--vehicle", metavar="V", help="A preset, or a TOML as calibrate writes it."),
+]
+RequiredVehicle = Annotated[
+    str, typer.Option("--vehicle", metavar="V", help="A preset, or the TOML of a vehicle.")
+]
+
+
+@app.command()
+def infer(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="TOML or NetCDF.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="PROFILE", help=".nc, .csv or .parquet.")
+    ],
+    vehicle: OptionalVehicle = None,
+    track: TrackName = "rigid",
+    method: Annotated[Method, typer.Option(help="How to find it.")] = Method.SMOOTHER,
+    prior: Annotated[
+        str | None,
+        typer.Option(metavar="S", help="A spectrum, preset or TOML; without, found from the data."),
+    ] = None,
+    from_m: From = None,
+    to_m: To = None,
+    draws: Annotated[int, typer.Option(min=2, help="Behind the bands' uncertainty.")] = 64,
+    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Infer a track profile, with its uncertainty, from a recording.
+
+    Beside PROFILE a page (.html) and a picture (.png) of the same name show it.
+    """
+    from trackprofile.contracts import between
+    from trackprofile.inference.estimate import estimate
+    from trackprofile.io.model_toml import read_spectrum, read_track
+    from trackprofile.outputs import estimate_files, summary, write_estimate
+
+    estimate_files(output)
+    measured = _read(recording, "recording")
+    car, installation = _vehicle_of(measured, recording, vehicle)
+    support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
+    measured = between(measured, from_m, to_m)
+    with show.progress_bars() as progress:
+        found = estimate(
+            measured,
+            car,
+            installation=installation,
+            track=support,
+            prior=spectrum,
+            draws=draws,
+            seed=seed,
+            progress=progress,
+        )
+    files = list(map(str, write_estimate(found, measured, output)))
+    result = summary(found)
+    if as_json:
+        show.as_one_object({"files": files, "method": method.value} | result)
+        return
+    show.note(found.notes)
+    ends = f"{round(result['from_m'])} m to {round(result['to_m'])} m"
+    show.say(f"Profile from {ends} in {files[0]}.")
+    for band, deviation in result["standard_deviation_mm"].items():
+        show.say(f"Standard deviation in {band}: {deviation:.3f} mm")
+    show.say(f"See it in {files[1]} or {files[2]}.")
+
+
+@app.command()
+def calibrate(
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...")],
+    reference: Annotated[
+        Path, typer.Option(metavar="PROFILE", help="The profile that is known there.")
+    ],
+    vehicle: RequiredVehicle,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="TOML", help="The vehicle.")],
+    track: TrackName = "rigid",
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="To fit; may be repeated. Without: all that can be."),
+    ] = None,
+    from_m: From = None,
+    to_m: To = None,
+    as_json: Json = False,
+) -> None:
+    """Fit a vehicle to recordings of a stretch whose profile is known."""
+    from trackprofile.contracts import between
+    from trackprofile.inference.calibration import calibrate as fit
+    from trackprofile.io.model_toml import (
+        check_vehicle_place,
+        read_track,
+        read_vehicle,
+        write_vehicle,
+    )
+
+    check_vehicle_place(output)
+    measured = [between(_read(path, "recording"), from_m, to_m) for path in recordings]
+    known = _read(reference, "profile")
+    car, installation = read_vehicle(vehicle)
+    support = read_track(track)
+    with show.progress_bars() as progress:
+        found = fit(
+            measured,
+            known,
+            car,
+            installation=installation,
+            track=support,
+            parameters=parameter,
+            progress=progress,
+        )
+    result = found.as_dict()
+    origin = {
+        "recordings": [path.name for path in recordings],
+        "reference": reference.name,
+        "track": track,
+        "from_m": from_m,
+        "to_m": to_m,
+    }
+    write_vehicle(found.vehicle, found.installation, output, origin | result)
+    if as_json:
+        show.as_one_object({"file": str(output)} | origin | result)
+        return
+    show.note(found.notes)
+    show.estimates(result["parameters"])
+    show.say(f"Vehicle in {output}: give it to infer with --vehicle.")
+
+
+@app.command()
+def compare(
+    profile: Annotated[Path, typer.Argument(metavar="PROFILE")],
+    reference: Annotated[Path, typer.Argument(metavar="REFERENCE")],
+    from_m: From = None,
+    to_m: To = None,
+    as_json: Json = False,
+) -> None:
+    """Say how a profile agrees with a reference, per band of wavelengths."""
+    from trackprofile.comparison import compare as compared
+
+    result = compared(
+        _read(profile, "profile"), _read(reference, "profile"), from_m=from_m, to_m=to_m
+    )
+    show.note(result.notes)
+    if as_json:
+        show.as_one_object(result.as_dict())
+        return
+    show.comparison(result)
+
+
+@app.command()
+def limit(
+    vehicle: RequiredVehicle,
+    speed: Annotated[str, typer.Option(metavar="SPEED", help='With its unit: "150 km/h".')],
+    sensors: Annotated[
+        str, typer.Option(metavar="S", help="A preset such as bogie-25ug, or a TOML.")
+    ],
+    track: TrackName = "rigid",
+    prior: Annotated[
+        str, typer.Option(metavar="P", help="A spectrum, preset or TOML.")
+    ] = "german-low",
+    as_json: Json = False,
+) -> None:
+    """State the least error per band that any method could reach with these sensors."""
+    from trackprofile.inference.bound import limit as least_error
+    from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+    from trackprofile.units import quantity
+
+    metres_per_second = quantity(speed, "speed")
+    if metres_per_second <= 0:
+        raise DataError(f"--speed {speed!r}: expected a speed above zero.")
+    car, _ = read_vehicle(vehicle)
+    least = least_error(
+        car, read_track(track), read_sensors(sensors), metres_per_second, read_spectrum(prior)
+    )
+    bands = {name: 1e3 * error for name, error in least.items()}
+    if as_json:
+        show.as_one_object({"limit_mm": bands, "speed_m_s": metres_per_second})
+        return
+    rows = [(name, f"{error:.4g}") for name, error in bands.items()]
+    show.table(("band", "least RMS error, mm"), rows)
+
+
+@app.command()
+def demo(
+    folder: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")
+    ] = Path("demo"),
+    as_json: Json = False,
+) -> None:
+    """Do the main job on a built-in recording, which is simulated."""
+    from trackprofile.demo import run
+
+    with show.progress_bars() as progress:
+        done = run(folder, progress=progress)
+    files = [done.recording, done.truth, *done.files]
+    if as_json:
+        show.as_one_object(done.comparison.as_dict() | {"files": list(map(str, files))})
+        return
+    show.note((*done.found.notes, *done.comparison.notes))
+    show.say(f"Simulated a recording ({done.recording}) on track that is known ({done.truth}),")
+    show.say("inferred the profile from it, and compared the two:")
+    show.comparison(done.comparison)
+    show.say("Open these:")
+    for path in done.files[1:]:
+        show.say(f"  {path}")
+
+
+@app.command()
+def bench(as_json: Json = False) -> None:
+    """Measure the figures of speed and memory that the README quotes."""
+    from trackprofile.bench import measure
+
+    result = measure()
+    if as_json:
+        show.as_one_object(result)
+        return
+    rows = [(one["name"], f"{one['value']:.3g}", one["unit"]) for one in result["results"]]
+    show.table(("figure", "value", "unit"), rows)
+    show.say(result["machine"])
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command; exit with 0 when done, 1 when the data cannot be used, 2 on wrong usage."""
+    try:
+        app(args=arguments, prog_name="trackprofile")
+    except TrackprofileError as error:
+        sentence = " ".join(str(error).split())
+        show.note([f"trackprofile: {sentence}"])
+        sys.exit(1)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        show.say(f"trackprofile {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Say which.")
+    ] = False,
+) -> None:
+    """Options of the command itself."""
+
+
+def _read(path: Path, kind: str) -> xr.Dataset:
+    """The recording or profile in a file; FileError where it is the other."""
+    from trackprofile.io import read
+
+    dataset = read(path)
+    found = dataset.attrs["kind_of_data"]
+    if found != kind:
+        raise FileError(f"{path}: expected a {kind}, this is a {found}; give the right file.")
+    return dataset
+
+
+def _vehicle_of(
+    recording: xr.Dataset, path: Path, given: str | None
+) -> tuple[Vehicle, Installation]:
+    """The vehicle that was given, else the one that the recording names, beside it or a preset."""
+    from trackprofile.io.model_toml import presets, read_vehicle
+
+    if given is not None:
+        return read_vehicle(given)
+    named = recording.attrs.get("vehicle", "")
+    if not named:
+        raise FileError(
+            f"{path}: it names no vehicle; add --vehicle with the TOML of one, "
+            f"or with one of the presets {', '.join(presets('vehicle'))}."
+        )
+    beside = path.parent / named
+    return read_vehicle(beside if beside.is_file() else named)

@@ -1,0 +1,329 @@
+"""Vehicles, tracks, spectra and sensors as a person writes them in TOML; presets by name.
+
+A vehicle is a list of parts; a number is in SI, or the name of a parameter that has its unit:
+
+    name = "half a car"
+
+    [parameter."body mass"]
+    value = 20
+    unit = "t"
+    source = "weighed"
+
+    [[body]]
+    name = "body"
+    mass = "body mass"
+    pitch_inertia = 4e5                     # optional: without it the body only heaves
+    position = 1.25                         # m behind the leading wheel, as everywhere
+
+    [[wheel]]
+    name = "wheel 1"
+    mass = 900
+    position = 0
+
+    [[link]]
+    name = "suspension 1"
+    upper = "body"
+    lower = "wheel 1"
+    position = 0
+    stiffness = 1e6
+    damping = 2e4
+
+What a calibration found beside it stands in the tables ``installation`` and ``calibration``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal
+
+from trackprofile.contracts import QUANTITIES
+from trackprofile.errors import FileError, ModelError
+from trackprofile.io import model_tables as tables
+from trackprofile.io.atomic import check_places, whole_files
+from trackprofile.io.table import located
+from trackprofile.io.toml_document import document, load
+from trackprofile.sensor import Installation, Sensor
+from trackprofile.spectrum import Spectrum
+from trackprofile.track import ElasticTrack, RigidTrack, Track
+from trackprofile.units import si_unit, unit_factor
+from trackprofile.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
+
+_Part = tables.Body | tables.Link | tables.Wheel
+
+Kind = Literal["vehicle", "track", "spectrum", "sensors"]
+
+RIGID = "rigid"
+"""The name of the track that has no numbers."""
+
+_PRESETS = Path(__file__).parents[1] / "presets"
+
+_DIMENSIONS = {
+    "mass": "mass",
+    "pitch_inertia": "inertia",
+    "position": "length",
+    "stiffness": "stiffness",
+    "damping": "damping",
+}
+"""Which fields of a part a parameter may stand for."""
+
+
+def presets(kind: Kind) -> tuple[str, ...]:
+    """The names that a reader of that kind takes instead of a path.
+
+    Examples
+    --------
+    >>> presets("vehicle")
+    ('quarter-car', 'velaro')
+    """
+    named = sorted(path.stem for path in (_PRESETS / kind).glob("*.toml"))
+    return (RIGID, *named) if kind == "track" else tuple(named)
+
+
+def read_vehicle(name_or_path: str | Path) -> tuple[Vehicle, Installation]:
+    """A vehicle, and how the sensors sit on it as far as a calibration found that.
+
+    Raises
+    ------
+    FileError : there is no such preset or file, or it has a wrong key.
+    UnitError : a unit does not fit.
+    ModelError : the vehicle contradicts itself.
+
+    Examples
+    --------
+    >>> vehicle, _ = read_vehicle("quarter-car")
+    >>> vehicle.body("bogie").mass
+    512.5
+    """
+    path = _find(name_or_path, "vehicle")
+    read = load(path, tables.Vehicle)
+    with _located(path):
+        return _vehicle(read), _installation(read.installation)
+
+
+def write_vehicle(
+    vehicle: Vehicle,
+    installation: Installation,
+    path: str | Path,
+    calibration: Mapping[str, object] | None = None,
+) -> None:
+    """Write what `read_vehicle` reads back exactly, in SI.
+
+    Parameters
+    ----------
+    path : ends in .toml
+    calibration : where the numbers come from, kept as it is (nothing in it is read); those of
+        its ``parameters`` get "calibrated" for a source, and their ``standard_error`` [SI]
+
+    Raises
+    ------
+    FileError : the path does not end in .toml, or cannot be written.
+    """
+    check_vehicle_place(path)
+    text = document(_vehicle_table(vehicle, installation, calibration or {}))
+    with whole_files(path) as (file,):
+        file.write_text(text, encoding="utf-8")
+
+
+def check_vehicle_place(path: str | Path) -> None:
+    """See that a vehicle can be written there: worth asking before a calibration.
+
+    Raises
+    ------
+    FileError : it cannot, or it would replace what is not a vehicle.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".toml":
+        raise FileError(f"{path}: a vehicle is written to a file that ends in .toml.")
+    check_places(path)
+    if path.exists():
+        try:
+            load(path, tables.Vehicle)
+        except FileError as error:
+            message = f"{path}: it is there already and is no vehicle; choose another name."
+            raise FileError(message) from error
+
+
+def read_track(name_or_path: str | Path) -> Track:
+    """A track; the name "rigid" stands for a path that gives way to nothing.
+
+    Raises
+    ------
+    FileError, UnitError, ModelError : as of `read_vehicle`.
+
+    Examples
+    --------
+    >>> read_track("zhai").stiffness
+    87800000.0
+    """
+    if str(name_or_path) == RIGID:
+        return RigidTrack()
+    path = _find(name_or_path, "track")
+    read = load(path, tables.Track)
+    with _located(path):
+        return ElasticTrack(read.stiffness.si("stiffness"), read.damping.si("damping"), read.said)
+
+
+def read_spectrum(name_or_path: str | Path) -> Spectrum:
+    """A spectrum of track irregularity.
+
+    Raises
+    ------
+    FileError, UnitError, ModelError : as of `read_vehicle`.
+
+    Examples
+    --------
+    >>> read_spectrum("fra-6").upper
+    0.825
+    """
+    path = _find(name_or_path, "spectrum")
+    read = load(path, tables.Spectrum)
+    with _located(path):
+        return Spectrum(
+            read.name,
+            amplitude=read.amplitude.si("roughness"),
+            lower=read.lower.si("spatial frequency"),
+            upper=read.upper.si("spatial frequency"),
+            source=read.said,
+        )
+
+
+def read_sensors(name_or_path: str | Path) -> tuple[Sensor, ...]:
+    """The sensors on a vehicle.
+
+    Raises
+    ------
+    FileError, UnitError, ModelError : as of `read_vehicle`.
+
+    Examples
+    --------
+    >>> [sensor.quantity for sensor in read_sensors("bogie-25ug")]
+    ['vertical acceleration', 'pitch rate']
+    """
+    path = _find(name_or_path, "sensors")
+    read = load(path, tables.Sensors)
+    with _located(path):
+        return tuple(map(_sensor, read.sensor))
+
+
+def _find(name_or_path: str | Path, kind: Kind) -> Path:
+    named = presets(kind)
+    if str(name_or_path) in named:
+        return _PRESETS / kind / f"{name_or_path}.toml"
+    if not Path(name_or_path).is_file():
+        raise FileError(
+            f"{name_or_path}: there is no such file; give the path of a {kind} TOML, "
+            f"or one of the presets {', '.join(named)}."
+        )
+    return Path(name_or_path)
+
+
+@contextmanager
+def _located(path: Path) -> Iterator[None]:
+    """Errors raised inside gain the file's path."""
+    try:
+        with located(path):
+            yield
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}.") from error
+
+
+def _vehicle(read: tables.Vehicle) -> Vehicle:
+    parts = (*read.body, *read.link, *read.wheel)
+    return Vehicle(
+        read.name,
+        bodies=tuple(Body(**_fields(part, read.parameter)) for part in read.body),
+        links=tuple(Link(**_fields(part, read.parameter)) for part in read.link),
+        wheels=tuple(Wheel(**_fields(part, read.parameter)) for part in read.wheel),
+        source=read.said,
+        parameters=tuple(
+            _shared(name, parameter, parts) for name, parameter in read.parameter.items()
+        ),
+    )
+
+
+def _fields(part: _Part, parameters: Mapping[str, tables.Parameter]) -> dict[str, Any]:
+    """The fields of a part, in SI, the parameters put in."""
+    fields = part.model_dump()
+    for field, name in _named(part):
+        if name not in parameters:
+            known = ", ".join(parameters) or "none"
+            raise ModelError(
+                f"{field} of {fields['name']!r} names the parameter {name!r}, which is not there; "
+                f"there is {known}"
+            )
+        with located(f"parameter {name!r}, {field} of {fields['name']!r}"):
+            fields[field] = parameters[name].si(_DIMENSIONS[field])
+    return fields
+
+
+def _named(part: _Part) -> list[tuple[str, str]]:
+    """Which fields of a part name a parameter, and which."""
+    fields = ((field, getattr(part, field, None)) for field in _DIMENSIONS)
+    return [(field, name) for field, name in fields if isinstance(name, str)]
+
+
+def _shared(
+    name: str,
+    parameter: tables.Parameter,
+    parts: tuple[tables.Body | tables.Link | tables.Wheel, ...],
+) -> Parameter:
+    used_by = [(part.name, field) for part in parts for field, used in _named(part) if used == name]
+    if not used_by:
+        raise ModelError(f"nothing uses the parameter {name!r}; name it in a part, or remove it")
+    return Parameter(name, si_unit(_DIMENSIONS[used_by[0][1]]), tuple(used_by), parameter.said)
+
+
+def _installation(read: tables.Installation) -> Installation:
+    return Installation(read.origin, tuple(map(_sensor, read.sensor)), read.unmodelled)
+
+
+def _sensor(read: tables.Sensor) -> Sensor:
+    with located(f"sensor {read.name!r}"):
+        factor = unit_factor(read.unit, QUANTITIES[read.quantity][1])
+    fields = read.model_dump(exclude={"unit"})
+    for field in ("noise_density", "offset"):
+        if fields[field] is not None:
+            fields[field] *= factor
+    return Sensor(**fields)
+
+
+def _vehicle_table(
+    vehicle: Vehicle, installation: Installation, calibration: Mapping[str, Any]
+) -> dict[str, object]:
+    fitted = calibration.get("parameters", {})
+    values = parameter_values(vehicle)
+    parameters = {
+        one.name: {
+            "value": values[one.name],
+            "unit": si_unit(_DIMENSIONS[one.used_by[0][1]]),
+            "source": "calibrated" if one.name in fitted else one.source or None,
+            "standard_error": fitted.get(one.name, {}).get("standard_error"),
+        }
+        for one in vehicle.parameters
+    }
+    names = {place: one.name for one in vehicle.parameters for place in one.used_by}
+    parts = {"body": vehicle.bodies, "wheel": vehicle.wheels, "link": vehicle.links}
+    table: dict[str, object] = {"name": vehicle.name, "source": vehicle.source or None}
+    table["parameter"] = parameters
+    for kind, ones in parts.items():
+        table[kind] = [
+            {field: names.get((one.name, field), value) for field, value in asdict(one).items()}
+            for one in ones
+        ]
+    if installation != Installation():
+        table["installation"] = _installation_table(installation)
+    return table | ({"calibration": calibration} if calibration else {})
+
+
+def _installation_table(installation: Installation) -> dict[str, object]:
+    return {
+        "origin": installation.origin,
+        "unmodelled": installation.unmodelled,
+        "sensor": [
+            {"unit": si_unit(QUANTITIES[one.quantity][1])} | asdict(one)
+            for one in installation.sensors
+        ],
+    }

@@ -1,0 +1,91 @@
+"""What `infer` leaves behind: the profile, a page and a picture beside it, and a summary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trackprofile.contracts import Quality
+from trackprofile.errors import FileError, TrackprofileError
+from trackprofile.inference.estimate import Estimate
+from trackprofile.io import format_to_write, read, write
+from trackprofile.io.atomic import check_places, whole_files
+from trackprofile.plot import profile_figure, profile_picture, write_html, write_png
+
+
+def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
+    """The files that `write_estimate` would write: the profile, its page, its picture.
+
+    Raises
+    ------
+    FileError : they could not be written there, or would replace what is not a profile.
+
+    Examples
+    --------
+    >>> [path.name for path in estimate_files("run.nc")]
+    ['run.nc', 'run.html', 'run.png']
+    """
+    profile = Path(profile)
+    files = (profile, profile.with_suffix(".html"), profile.with_suffix(".png"))
+    format_to_write("profile", profile)
+    check_places(*files)
+    if profile.exists() and not _is_profile(profile):
+        raise FileError(f"{profile}: it is there already and is no profile; choose another name.")
+    return files
+
+
+def write_estimate(
+    estimate: Estimate, recording: xr.Dataset, profile: str | Path
+) -> tuple[Path, Path, Path]:
+    """Write a profile and beside it how it looks: all three files, or none.
+
+    Parameters
+    ----------
+    estimate : what `trackprofile.inference.estimate` found
+    recording : what it found it from
+    profile : ends in a suffix that a profile may have
+
+    Raises
+    ------
+    FileError : as of `estimate_files`.
+    """
+    files = estimate_files(profile)
+    drawn = (estimate.profile, recording, estimate.sample_distance, estimate.reproduced)
+    page, picture = profile_figure(*drawn), profile_picture(*drawn)
+    with whole_files(*files) as (profile_file, page_file, picture_file):
+        write(estimate.profile, profile_file)
+        write_html(page, page_file)
+        write_png(picture, picture_file)
+    return files
+
+
+def summary(estimate: Estimate) -> dict[str, Any]:
+    """The extent, the uncertainty and the quality of a profile in a few numbers, for JSON."""
+    profile = estimate.profile
+    distance, quality = profile["distance"].to_numpy(), profile["quality"].to_numpy()
+    prefix = "standard_deviation_"
+    return {
+        "from_m": float(distance[0]),
+        "to_m": float(distance[-1]),
+        "points": distance.size,
+        "standard_deviation_mm": {
+            name.removeprefix(prefix): 1e3 * float(np.sqrt(np.nanmean(profile[name] ** 2)))
+            for name in map(str, profile.data_vars)
+            if name.startswith(prefix)
+        },
+        "flagged_share": {
+            flag.name.lower(): float(np.mean(quality & flag != 0)) for flag in Quality if flag.name
+        },
+        "log_likelihood": estimate.log_likelihood,
+        "notes": list(estimate.notes),
+    }
+
+
+def _is_profile(path: Path) -> bool:
+    try:
+        return read(path).attrs["kind_of_data"] == "profile"
+    except TrackprofileError:
+        return False

@@ -1,0 +1,375 @@
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trackprofile import __version__, read, write
+from trackprofile.cli import main
+from trackprofile.demo import simulated
+from trackprofile.io.model_toml import (
+    read_sensors,
+    read_spectrum,
+    read_track,
+    read_vehicle,
+    write_vehicle,
+)
+from trackprofile.vehicle import parameter_values, with_parameters
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs the command: exit code, standard output, standard error."""
+
+    def command(*arguments: str | Path) -> tuple[int, str, str]:
+        try:
+            main([str(one) for one in arguments])
+        except SystemExit as exit_:
+            code = exit_.code
+        else:
+            code = 0
+        captured = capsys.readouterr()
+        assert isinstance(code, int)
+        return code, captured.out, captured.err
+
+    return command
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording of 240 m, the truth, and the vehicle that the recording names."""
+    folder = tmp_path_factory.mktemp("made")
+    vehicle, installation = read_vehicle("velaro")
+    recording, truth = simulated(
+        vehicle,
+        read_track("rigid"),
+        read_sensors("bogie-25ug"),
+        read_spectrum("german-low"),
+        length=240.0,
+        seed=3,
+    )
+    write(recording, folder / "recording.toml")
+    write(truth, folder / "truth.csv")
+    write_vehicle(vehicle, installation, folder / "vehicle.toml")
+    return folder
+
+
+@pytest.fixture
+def folder(made: Path, tmp_path: Path) -> Path:
+    """A copy of it, to spoil."""
+    return Path(shutil.copytree(made, tmp_path / "copy"))
+
+
+def replace(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+# --- the command itself -------------------------------------------------------------------------
+
+
+def test_help_answers_within_half_a_second_and_loads_nothing_heavy() -> None:
+    taken = []
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-m", "trackprofile", "--help"], check=True, stdout=subprocess.DEVNULL
+        )
+        taken.append(time.perf_counter() - start)
+    assert min(taken) < 0.5
+    code = "import sys, trackprofile.cli; print(*sorted(sys.modules))"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True
+    )
+    assert not {"numpy", "xarray", "pydantic", "numba"} & set(loaded.stdout.split())
+
+
+def test_the_version_is_that_of_the_package(run: Run) -> None:
+    assert run("--version") == (0, f"trackprofile {__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("infre", "recording.toml"),
+        ("infer", "recording.toml"),
+        ("infer", "recording.toml", "-o", "profile.nc", "--method", "magic"),
+        ("infer", "recording.toml", "-o", "profile.nc", "--from", "here"),
+        ("calibrate", "recording.toml", "--vehicle", "velaro", "-o", "vehicle.toml"),
+        ("limit", "--vehicle", "velaro", "--sensors", "bogie-25ug"),
+        ("compare", "profile.nc"),
+    ],
+)
+def test_wrong_usage_exits_with_2(run: Run, arguments: tuple[str, ...]) -> None:
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert "Usage" in err
+
+
+# --- infer and compare --------------------------------------------------------------------------
+
+
+def test_infer_finds_the_profile_and_shows_it(run: Run, folder: Path) -> None:
+    profile = folder / "found.nc"
+    before = set(folder.iterdir())
+    code, out, err = run(
+        "infer", folder / "recording.toml", "-o", profile, "--draws", "8", "--json"
+    )
+    assert code == 0, err
+    result = json.loads(out)
+    assert [Path(name) for name in result["files"]] == [
+        profile,
+        folder / "found.html",
+        folder / "found.png",
+    ]
+    assert set(folder.iterdir()) - before == set(map(Path, result["files"]))
+    assert result["standard_deviation_mm"]["D1"] < 0.1
+    assert (folder / "found.png").read_bytes().startswith(b"\x89PNG")
+    assert "plotly" in (folder / "found.html").read_text(encoding="utf-8").lower()
+
+    code, out, err = run("compare", profile, folder / "truth.csv", "--from", "30", "--json")
+    compared = json.loads(out)
+    assert code == 0
+    assert set(compared) == {"bands", "from_m", "to_m"}
+    assert compared["from_m"] == 30.0
+    assert compared["bands"]["D1"]["correlation"] > 0.999
+    assert compared["bands"]["D1"]["rms_error_mm"] < 0.05
+    assert compared["bands"]["D3"] is None
+    assert "D3" in err
+
+
+def test_infer_keeps_to_the_stretch_and_says_what_it_did(run: Run, folder: Path) -> None:
+    profile = folder / "part.csv"
+    arguments = ("--from", "60", "--to", "200", "--draws", "4", "--prior", "german-low")
+    code, out, _ = run("infer", folder / "recording.toml", "-o", profile, *arguments)
+    assert code == 0
+    assert f"Profile from 60 m to 200 m in {profile}." in out
+    distance = read(profile)["distance"].to_numpy()
+    assert 60.0 <= distance[0] < 61.0
+    assert 199.0 < distance[-1] <= 200.0
+
+
+def test_a_profile_agrees_with_itself(run: Run, made: Path) -> None:
+    code, out, _ = run("compare", made / "truth.csv", made / "truth.csv", "--json")
+    assert code == 0
+    for name in ("D1", "D2"):
+        band = json.loads(out)["bands"][name]
+        assert band["correlation"] == pytest.approx(1.0, abs=1e-12)
+        assert band["rms_error_mm"] == pytest.approx(0.0, abs=1e-9)
+        assert (band["gain"], band["lag_m"]) == (pytest.approx(1.0), pytest.approx(0.0, abs=1e-6))
+
+
+def test_the_table_of_compare_has_a_line_per_band(run: Run, made: Path) -> None:
+    code, out, err = run("compare", made / "truth.csv", made / "truth.csv")
+    assert code == 0
+    lines = out.splitlines()
+    assert lines[0] == "From -19 m to 240 m:"
+    assert [line.split()[0] for line in lines[1:]] == ["band", "D1", "D2", "D3"]
+    assert len(err.splitlines()) == 1  # D3 needs more track
+
+
+# --- calibrate ----------------------------------------------------------------------------------
+
+
+def test_calibrate_finds_a_wrong_parameter_and_infer_takes_what_it_writes(
+    run: Run, folder: Path
+) -> None:
+    right, installation = read_vehicle("velaro")
+    wrong = with_parameters(right, {"primary stiffness": 2.0e6})
+    write_vehicle(wrong, installation, folder / "start.toml")
+    code, out, err = run(
+        *("calibrate", folder / "recording.toml", "--reference", folder / "truth.csv"),
+        *("--vehicle", folder / "start.toml", "-o", folder / "found.toml"),
+        *("--parameter", "primary stiffness", "--json"),
+    )
+    assert code == 0, err
+    result = json.loads(out)
+    found = result["parameters"]["primary stiffness"]
+    assert found["value"] == pytest.approx(2.4e6, rel=0.02)
+    assert found["start"] == 2.0e6
+    assert 0 < found["standard_error"] < 0.02 * 2.4e6
+    vehicle, _ = read_vehicle(folder / "found.toml")
+    assert parameter_values(vehicle)["primary stiffness"] == found["value"]
+    assert parameter_values(vehicle)["body mass"] == 47_800.0
+    arguments = ("--vehicle", folder / "found.toml", "-o", folder / "p.nc", "--draws", "4")
+    assert run("infer", folder / "recording.toml", *arguments)[0] == 0
+
+
+def test_calibrate_refuses_a_parameter_that_is_not_there(run: Run, folder: Path) -> None:
+    code, out, err = run(
+        *("calibrate", folder / "recording.toml", "--reference", folder / "truth.csv"),
+        *("--vehicle", "velaro", "-o", folder / "found.toml", "--parameter", "colour"),
+    )
+    assert (code, out) == (1, "")
+    assert "'colour'" in err
+    assert "body mass" in err
+    assert not (folder / "found.toml").exists()
+
+
+# --- limit --------------------------------------------------------------------------------------
+
+
+def test_the_limit_grows_with_the_noise_and_with_the_wavelength(run: Run) -> None:
+    limits = {}
+    for sensors in ("bogie-25ug", "bogie-100ug"):
+        code, out, _ = run(
+            *("limit", "--vehicle", "velaro", "--speed", "150 km/h"),
+            *("--sensors", sensors, "--prior", "fra-6", "--json"),
+        )
+        assert code == 0
+        limits[sensors] = json.loads(out)["limit_mm"]
+    fine, coarse = limits["bogie-25ug"], limits["bogie-100ug"]
+    assert fine["D1"] < fine["D2"] < fine["D3"]
+    assert all(fine[band] < coarse[band] for band in fine)
+    # theory, section 8
+    assert fine["D1"] == pytest.approx(0.0023, rel=0.15)
+    assert coarse["D2"] == pytest.approx(0.029, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("speed", "words"),
+    [("150", "km/h"), ("150 kg", "km/h"), ("0 km/h", "above zero"), ("fast", "km/h")],
+)
+def test_a_speed_that_is_none_is_refused(run: Run, speed: str, words: str) -> None:
+    arguments = ("--vehicle", "velaro", "--sensors", "bogie-25ug", "--speed", speed)
+    code, out, err = run("limit", *arguments)
+    assert (code, out) == (1, "")
+    assert repr(speed) in err or "'kg'" in err
+    assert words in err
+
+
+# --- bad input ----------------------------------------------------------------------------------
+
+
+def rows(folder: Path, change: Callable[[list[str]], list[str]]) -> None:
+    file = folder / "recording.csv"
+    file.write_text("\n".join(change(file.read_text().splitlines())) + "\n")
+
+
+def cells(folder: Path, column: int, row: int, text: str) -> None:
+    def change(lines: list[str]) -> list[str]:
+        parts = lines[row].split(",")
+        parts[column] = text
+        return [*lines[:row], ",".join(parts), *lines[row + 1 :]]
+
+    rows(folder, change)
+
+
+SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
+    "a missing column": (
+        lambda folder: replace(folder / "recording.csv", "bogie_pitch_rate", "gyro"),
+        ("'bogie_pitch_rate' is missing",),
+    ),
+    "a unit that does not fit": (
+        lambda folder: replace(folder / "recording.toml", '"rad/s"', '"m/s"'),
+        ("'m/s'", "°/s"),
+    ),
+    "an unknown key": (
+        lambda folder: replace(folder / "recording.toml", "noise_density", "noise_desnity"),
+        ("'noise_desnity'", "noise_density"),
+    ),
+    "a number missing": (lambda folder: cells(folder, 2, 7, ""), ("data row 7", "valid")),
+    "time that runs backwards": (lambda folder: cells(folder, 0, 9, "0.0"), ("data row 9", "time")),
+    "a negative speed": (lambda folder: cells(folder, 1, 5, "-3.0"), ("data row 5", "speed")),
+    "a file cut short": (
+        lambda folder: rows(folder, lambda lines: [*lines[:50], "0.2,3"]),
+        ("data row 50", "cut short"),
+    ),
+    "an empty file": (lambda folder: (folder / "recording.csv").write_text(""), ("is missing",)),
+    "no data file": (lambda folder: (folder / "recording.csv").unlink(), ("no data file",)),
+    "no vehicle named": (
+        lambda folder: replace(folder / "recording.toml", 'vehicle = "vehicle.toml"\n', ""),
+        ("--vehicle", "velaro", "quarter-car"),
+    ),
+    "a vehicle that is not there": (
+        lambda folder: (folder / "vehicle.toml").unlink(),
+        ("vehicle.toml", "no such file"),
+    ),
+    "a vehicle without the sensor's body": (
+        lambda folder: replace(folder / "recording.toml", '"leading bogie"', '"tender"'),
+        ("'tender'", "leading bogie"),
+    ),
+    "a recording shorter than the vehicle": (
+        lambda folder: rows(folder, lambda lines: lines[:120]),
+        ("covers 14", "longer stretch"),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SPOILED)
+def test_bad_input_gets_one_sentence_and_leaves_no_file(run: Run, folder: Path, case: str) -> None:
+    spoil, words = SPOILED[case]
+    spoil(folder)
+    before = set(folder.iterdir())
+    code, out, err = run("infer", folder / "recording.toml", "-o", folder / "p.nc", "--json")
+    assert (code, out) == (1, "")
+    assert len(err.splitlines()) == 1
+    assert err.startswith("trackprofile: ")
+    assert all(word in err for word in words), err
+    assert set(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("output", "words"),
+    [
+        ("p.docx", ".nc"),
+        ("p.toml", ".nc"),
+        ("nowhere/p.nc", "no folder"),
+        ("recording.csv", "is no profile"),
+        ("vehicle.toml", ".nc"),
+    ],
+)
+def test_an_output_that_cannot_be_is_refused_and_nothing_replaced(
+    run: Run, folder: Path, output: str, words: str
+) -> None:
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    code, out, err = run("infer", folder / "recording.toml", "-o", folder / output)
+    assert (code, out) == (1, "")
+    assert words in err
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_if_the_page_cannot_be_written_neither_is_the_profile(run: Run, folder: Path) -> None:
+    (folder / "p.html").mkdir()
+    code, _, err = run("infer", folder / "recording.toml", "-o", folder / "p.nc")
+    assert code == 1
+    assert "p.html" in err
+    assert not (folder / "p.nc").exists()
+
+
+def test_a_profile_in_place_of_a_recording_is_refused(run: Run, folder: Path) -> None:
+    code, _, err = run("infer", folder / "truth.csv", "-o", folder / "p.nc")
+    assert code == 1
+    assert "expected a recording, this is a profile" in err
+    code, _, err = run("compare", folder / "recording.toml", folder / "truth.csv")
+    assert code == 1
+    assert "expected a profile, this is a recording" in err
+
+
+def test_a_stop_in_the_middle_is_flagged_and_no_error(run: Run, folder: Path) -> None:
+    recording = read(folder / "recording.toml")
+    moving = recording["speed"].to_numpy()
+    stop = np.zeros(500)
+    at = len(moving) // 2
+    braked = moving * np.clip(np.abs(np.arange(len(moving)) - at) / 300, 0.02, 1.0)
+    speed = np.concatenate([braked[:at], stop, braked[at:]])
+    spread = {"sample": np.r_[0:at, np.full(500, at), at : len(moving)]}
+    stopped = recording.isel(spread).assign(
+        speed=("sample", speed, recording["speed"].attrs),
+        time=("sample", np.arange(len(speed)) / 250.0, recording["time"].attrs),
+    )
+    write(stopped, folder / "stopped.nc")
+    arguments = ("--vehicle", "velaro", "-o", folder / "p.nc", "--draws", "4", "--json")
+    code, out, err = run("infer", folder / "stopped.nc", *arguments)
+    assert code == 0, err
+    assert json.loads(out)["flagged_share"]["slow"] > 0

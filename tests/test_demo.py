@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from trackprofile import read
+from trackprofile.contracts import channels
+from trackprofile.demo import SAMPLING, run, simulated
+from trackprofile.errors import FileError
+from trackprofile.io.model_toml import read_sensors, read_spectrum, read_vehicle
+from trackprofile.sensor import Sensor
+from trackprofile.spectrum import Spectrum
+from trackprofile.statespace import state_space, transfer_function
+from trackprofile.track import RigidTrack
+
+WIDE = Sensor("a", "vertical acceleration", "body", 2.0, noise_density=1e-9)
+
+
+def drawn(seed: int, length: float = 300.0) -> tuple[xr.Dataset, xr.Dataset]:
+    vehicle, _ = read_vehicle("velaro")
+    return simulated(
+        vehicle, RigidTrack(), read_sensors("bogie-25ug"), read_spectrum("fra-6"), length, seed
+    )
+
+
+def test_a_seed_gives_the_same_recording_again_and_another_one_another() -> None:
+    first, again, other = drawn(1)[0], drawn(1)[0], drawn(2)[0]
+    assert first.identical(again)
+    assert not np.allclose(first["bogie_pitch_rate"], other["bogie_pitch_rate"])
+
+
+def test_the_recording_says_that_no_train_measured_it() -> None:
+    recording, truth = drawn(1)
+    assert "simulated" in recording.attrs["source"]
+    assert truth.attrs["kind"] == "truth"
+
+
+def test_position_is_the_integral_of_speed() -> None:
+    recording, _ = drawn(1)
+    time, speed = recording["time"].to_numpy(), recording["speed"].to_numpy()
+    np.testing.assert_allclose(np.diff(time), 1 / SAMPLING, rtol=1e-9)
+    assert time[0] == 0.0
+    run_ = np.sum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))
+    assert run_ == pytest.approx(300.0, abs=0.2)
+    assert 20.0 <= speed.min() < speed.max() <= 40.0
+
+
+def test_a_body_rides_smoother_than_its_track() -> None:
+    """The RMS of the floor's acceleration is that of the transfer function, speed nearly steady."""
+    vehicle, _ = read_vehicle("velaro")
+    spectrum = Spectrum("short waves", 1e-6, 0.2, 0.5)
+    recording, _ = simulated(vehicle, RigidTrack(), (WIDE,), spectrum, 3000.0, 5)
+    omega = np.linspace(2e-3, 2 * np.pi, 20_000)
+    system = state_space(vehicle, RigidTrack(), (WIDE,))
+    rms = []
+    for speed in np.unique(np.round(recording["speed"].to_numpy())):
+        response = np.abs(transfer_function(system, omega, float(speed))[:, 0]) ** 2
+        rms.append(np.sqrt(np.trapezoid(response * spectrum.density(omega), omega)))
+    signal = channels(recording)[0].values
+    assert min(rms) < np.std(signal) < max(rms)
+
+
+def test_the_demo_recovers_the_profile_and_can_be_run_again(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "demo"
+    done = run(folder, length=260.0)
+    assert {path.name for path in folder.iterdir()} == {
+        *("recording.csv", "recording.toml", "truth.csv", "vehicle.toml"),
+        *("profile.nc", "profile.html", "profile.png"),
+    }
+    band = done.comparison.bands["D1"]
+    assert band is not None
+    assert band.correlation > 0.999
+    assert band.rms_error_mm < 0.05
+    assert read(done.files[0]).attrs["vehicle"] == "velaro"
+    run(folder, length=100.0)
+
+
+def test_the_demo_writes_into_no_folder_that_holds_other_things(tmp_path: Path) -> None:
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(FileError, match=r"letter\.txt.*new folder"):
+        run(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
+    with pytest.raises(FileError, match="cannot be made a folder"):
+        run(tmp_path / "letter.txt")
