@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -78,10 +79,23 @@ def test_the_demo_recovers_the_profile_and_can_be_run_again(tmp_path: Path) -> N
     run(folder, length=100.0)
 
 
-def test_the_demo_writes_into_no_folder_that_holds_other_things(tmp_path: Path) -> None:
-    (tmp_path / "letter.txt").write_text("dear")
-    with pytest.raises(FileError, match=r"letter\.txt.*new folder"):
+def test_the_demo_replaces_nothing_that_is_not_its_own(tmp_path: Path) -> None:
+    (tmp_path / "truth.csv").write_text("levelled in 1998")
+    with pytest.raises(FileError, match=r"truth\.csv is no earlier demo's"):
         run(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
-    with pytest.raises(FileError, match="cannot be made a folder"):
-        run(tmp_path / "letter.txt")
+    assert [path.name for path in tmp_path.iterdir()] == ["truth.csv"]
+    with pytest.raises(FileError, match="cannot be used as a folder"):
+        run(tmp_path / "truth.csv")
+
+
+def test_the_python_example_of_the_readme_runs_on_the_demo(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    readme = Path(__file__).parents[1] / "README.md"
+    examples = re.findall("```python\n(.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+    assert examples
+    monkeypatch.chdir(tmp_path)
+    run("demo", length=260.0)
+    for example in examples:
+        exec(example, {})
+    assert "correlation=0.99" in capsys.readouterr().out

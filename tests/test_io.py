@@ -429,9 +429,7 @@ def test_files_appear_together_and_only_at_the_end(tmp_path: Path) -> None:
 
 
 def test_a_sensors_own_filter_comes_back_from_toml_and_netcdf(tmp_path: Path) -> None:
-    floor = Channel(
-        "floor", np.zeros(3), "vertical acceleration", "body", 6.9, bandwidth=10.0
-    )
+    floor = Channel("floor", np.zeros(3), "vertical acceleration", "body", 6.9, bandwidth=10.0)
     recording = build_recording([floor], time=[0.0, 0.1, 0.2], speed=[20.0, 20.0, 20.0])
     for name in ("run.toml", "run.nc"):
         write(recording, tmp_path / name)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackprofile.errors import DataError, UnitError
-from trackprofile.units import FACTORS, to_si, unit_factor
+from trackprofile.units import FACTORS, quantity, si_unit, to_si, unit_factor
 
 finite = st.floats(-1e9, 1e9)
 known = st.sampled_from([(unit, kind) for kind, units in FACTORS.items() for unit in units])
@@ -31,6 +31,12 @@ known = st.sampled_from([(unit, kind) for kind, units in FACTORS.items() for uni
         (180.0, "deg/s", "angular rate", math.pi),
         (90.0, "°/s", "angular rate", math.pi / 2),
         (4.0, "mrad/s", "angular rate", 0.004),
+        (25.0, "ug", "acceleration", 25e-6 * 9.80665),
+        (1.8, "t", "mass", 1800.0),
+        (2.0, "t·m^2", "inertia", 2000.0),
+        (2.4, "MN/m", "stiffness", 2.4e6),
+        (20.0, "kN*s/m", "damping", 20e3),
+        (0.0339, "cm² rad/m", "roughness", 3.39e-6),
     ],
 )
 def test_a_unit_has_its_si_value(value: float, unit: str, dimension: str, si: float) -> None:
@@ -71,3 +77,19 @@ def test_a_unit_that_does_not_fit_is_refused_with_those_that_do(unit: str, dimen
     assert repr(unit) in message
     assert dimension in message
     assert all(accepted in message for accepted in FACTORS[dimension])
+
+
+@given(st.sampled_from(sorted(FACTORS)))
+def test_the_si_unit_of_a_dimension_is_worth_one(dimension: str) -> None:
+    assert unit_factor(si_unit(dimension), dimension) == 1.0
+
+
+@pytest.mark.parametrize("text", ["90 km/h", "90km/h", " 25.0 m/s ", "2.5e1 m/s"])
+def test_a_quantity_is_a_number_and_its_unit(text: str) -> None:
+    assert quantity(text, "speed") == pytest.approx(25.0, rel=1e-14)
+
+
+@pytest.mark.parametrize("text", ["90", "km/h", "", "9.0.0 km/h", "1e999 km/h", "nan km/h"])
+def test_what_is_no_quantity_is_refused_with_the_units_there_are(text: str) -> None:
+    with pytest.raises(UnitError, match="km/h"):
+        quantity(text, "speed")

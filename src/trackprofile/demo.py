@@ -28,7 +28,7 @@ from trackprofile.io.model_toml import (
     read_vehicle,
     write_vehicle,
 )
-from trackprofile.outputs import estimate_files, write_estimate
+from trackprofile.outputs import write_estimate
 from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor
 from trackprofile.spectrum import Spectrum, draw
 from trackprofile.statespace import StateSpace, state_space
@@ -47,8 +47,8 @@ POINT_SPACING, SHORTEST_WAVE = 0.2, 1.0  # m
 OFFSETS = {VERTICAL_ACCELERATION: 0.05}  # m/s²; a cheap sensor's
 OTHER_OFFSET = 0.002  # rad/s
 
-FILES = ("recording.csv", "recording.toml", "truth.csv", "vehicle.toml")
 PROFILE = "profile.nc"
+FILES = ("recording.csv", "recording.toml", "truth.csv", "vehicle.toml", PROFILE)
 
 
 @dataclass(frozen=True)
@@ -75,9 +75,9 @@ def run(
 
     Raises
     ------
-    FileError : the folder cannot be written to, or holds other things.
+    FileError : the folder cannot be written to, or holds such files that are no demo's.
     """
-    folder = _emptied(Path(folder))
+    folder = _ready(Path(folder))
     recording, truth = folder / "recording.toml", folder / "truth.csv"
     vehicle, installation = read_vehicle("velaro")
     track = read_track("zhai")
@@ -114,7 +114,7 @@ def simulated(
     ...     read_vehicle("velaro")[0], read_track("zhai"), read_sensors("bogie-25ug"),
     ...     read_spectrum("german-low"), length=60.0, seed=1)
     >>> recording.sizes["sample"], truth.attrs["kind"]
-    (477, 'truth')
+    (484, 'truth')
     """
     generator = np.random.default_rng(seed)
     time = _time(length)
@@ -183,16 +183,15 @@ def _noisy(signal: Array, sensor: Sensor, generator: np.random.Generator) -> Arr
     return signal + offset + deviation * generator.standard_normal(len(signal))
 
 
-def _emptied(folder: Path) -> Path:
-    """The folder, made if need be, holding nothing but what an earlier demo left."""
+def _ready(folder: Path) -> Path:
+    """The folder, made if need be; only what an earlier demo left there may be replaced."""
+    recording = folder / "recording.toml"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        there = {path.name for path in folder.iterdir()}
-    except OSError as error:
-        raise FileError(f"{folder}: cannot be made a folder ({error.strerror}).") from error
-    ours = {*FILES, *(path.name for path in estimate_files(folder / PROFILE))}
-    if there - ours:
-        raise FileError(
-            f"{folder}: it holds other things ({min(there - ours)}); name a new folder."
-        )
+        ours = recording.is_file() and SOURCE in recording.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{folder}: cannot be used as a folder; name a new one.") from error
+    there = [name for name in FILES if (folder / name).exists()]
+    if there and not ours:
+        raise FileError(f"{folder}: its {there[0]} is no earlier demo's; name a new folder.")
     return folder

@@ -205,11 +205,8 @@ def limit(
     """State the least error per band that any method could reach with these sensors."""
     from trackprofile.inference.bound import limit as least_error
     from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-    from trackprofile.units import quantity
 
-    metres_per_second = quantity(speed, "speed")
-    if metres_per_second <= 0:
-        raise DataError(f"--speed {speed!r}: expected a speed above zero.")
+    metres_per_second = _speed(speed)
     car, _ = read_vehicle(vehicle)
     least = least_error(
         car, read_track(track), read_sensors(sensors), metres_per_second, read_spectrum(prior)
@@ -295,6 +292,16 @@ def _read(path: Path, kind: str) -> xr.Dataset:
     if found != kind:
         raise FileError(f"{path}: expected a {kind}, this is a {found}; give the right file.")
     return dataset
+
+
+def _speed(text: str) -> float:
+    """A speed that a train can run at, m/s."""
+    from trackprofile.units import quantity
+
+    metres_per_second = quantity(text, "speed")
+    if metres_per_second <= 0:
+        raise DataError(f"{text!r}: expected a speed above zero.")
+    return metres_per_second
 
 
 def _vehicle_of(

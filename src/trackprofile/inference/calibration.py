@@ -17,9 +17,9 @@ from trackprofile.inference.bay_kernels import COLUMNS
 from trackprofile.inference.likelihood import (
     Maximum,
     Progress,
-    fisher_information,
     log_likelihood,
     maximise,
+    slopes,
 )
 from trackprofile.inference.measured import (
     KNOT_SPACING,
@@ -33,12 +33,19 @@ from trackprofile.inference.measured import (
     start_of,
 )
 from trackprofile.inference.noise import USUAL
-from trackprofile.inference.parameters import Parameter, changed, free_parameters, value_of
+from trackprofile.inference.parameters import (
+    ORIGIN,
+    Parameter,
+    changed,
+    mechanical_parameters,
+    noise_parameters,
+    value_of,
+)
 from trackprofile.inference.ride import Ride
 from trackprofile.inference.smoother import Start, innovations
 from trackprofile.motion import Motion
 from trackprofile.sensor import Installation
-from trackprofile.spectrum import markov, scaled
+from trackprofile.spectrum import scaled
 from trackprofile.track import RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
@@ -47,8 +54,14 @@ Array = NDArray[np.float64]
 SEARCHED_ORIGINS = 15.0
 """m around the stated origin in which it is looked for before anything else is fitted."""
 
-UNDETERMINED = 0.7
-"""Share of its prior's spread from which a parameter counts as not told by the data."""
+MEMORY = 20.0
+"""m over which residuals hang together: a few periods of the body's bounce."""
+
+LITTLE, NOTHING = 1.0, 0.01
+"""Information of a direction, in units of the prior's: less than the prior's own; next to none."""
+
+INVOLVED = 0.3
+"""Share of an undetermined direction from which a parameter counts as part of it."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +125,11 @@ def calibrate(
 ) -> Calibration:
     """Fit named parameters to recordings of a stretch whose profile is known.
 
-    The reference is the profile's prior mean; what it leaves of the signals goes through the same likelihood as
-    in ``infer``, with unmodelled accelerations, sensor noise and the reference's own error found along with the
-    parameters. Each parameter has a prior about its start (log-normal where it is positive).
+    First the vehicle and the sensors' places, by least squares on the signals: what a rigid, linear car leaves
+    out is strongest where the signals are, and must not be explained away by colouring the residual. Then, with
+    those held, the noise of the sensors and the unmodelled acceleration, by maximum likelihood of the residual.
+    Each parameter has a prior about its start (log-normal where it is positive); the standard errors allow for
+    residuals that hang together over ``MEMORY`` m.
 
     Parameters
     ----------
@@ -137,17 +152,17 @@ def calibrate(
     known = KnownProfile.of(reference)
     data = [known.covered(measured(one, installation), vehicle, installation.origin) for one in recordings]
     start = _started(data, vehicle, track or RigidTrack(), installation)
-    free = free_parameters(start, parameters)
+    every = mechanical_parameters(start, parameters)
     progress("finding the origin", 0.0)
-    start = _with_best_origin(data, known, start, free)
-    free, notes = _told(data, known, start, free, asked=parameters is not None)
-    found = _fitted(data, known, start, free, progress)
-    while parameters is None and (lost := _untold(found, free)) is not None:
-        notes.append(_held(free[lost]))
-        free = [one for i, one in enumerate(free) if i != lost]
-        found = _fitted(data, known, start, free, progress)
-    _require_told(found, free)
-    return _calibration(start, free, found, installation, tuple(notes))
+    beginning = _with_best_origin(data, known, start, every)
+    free, notes = _told(data, known, beginning, every, asked=parameters is not None)
+    fitted, free, found = _fit_mechanics(data, known, beginning, free, parameters is not None, notes, progress)
+    complete = _fit_noise(data, known, replace(fitted, unmodelled=_unmodelled_start(data, fitted, installation)), progress)
+    if not found.converged:
+        notes.append("the fit did not converge: its likelihood is flat or rough; add data or hold parameters")
+    rows_per_metre = sum(len(one.motion.distance) / np.ptp(one.motion.distance) for one in data) / len(data)
+    covariance = found.covariance(memory=round(MEMORY * rows_per_metre * len(start.sensors)))
+    return _calibration(start, complete, free, found, covariance, installation, tuple(notes))
 
 
 @dataclass(frozen=True)
@@ -211,18 +226,22 @@ def _spline_through(values: Array) -> Array:
     return np.concatenate([[2 * inner[0] - inner[1]], inner, [2 * inner[-1] - inner[-2]]])
 
 
-def _started(data: list[Measured], vehicle: Vehicle, track: Track, installation: Installation) -> Model:
-    """The model where the fit starts: a tenth of the signal unexplained, where nothing is known."""
+def _started(
+    data: list[Measured], vehicle: Vehicle, track: Track, installation: Installation
+) -> Model:
+    """The model where the fit starts: white noise alone, a tenth of the signal, and a reference without error."""
     first = data[0]
-    sensors = []
-    for i, sensor in enumerate(first.sensors):
-        rms = float(np.std(first.signals[first.valid[:, i], i]))
-        guess = sensor.noise_density or 0.02 * rms / np.sqrt(10.0)
-        sensors.append(replace(sensor, noise_density=guess))
-    on_body = shaken_channel(vehicle, first.sensors) is not None
-    unmodelled = (installation.unmodelled or 0.1) if on_body else 0.0
-    error_of_reference = scaled(USUAL, 0.01)
-    return Model(vehicle, track, tuple(sensors), installation.origin, unmodelled, error_of_reference)
+    sensors = [
+        replace(sensor, noise_density=0.1 * float(np.std(first.signals[first.valid[:, i], i])))
+        for i, sensor in enumerate(first.sensors)
+    ]
+    exact = scaled(USUAL, 1e-9)
+    return Model(vehicle, track, tuple(sensors), installation.origin, 0.0, exact)
+
+
+def _unmodelled_start(data: list[Measured], model: Model, installation: Installation) -> float:
+    on_body = shaken_channel(model.vehicle, data[0].sensors) is not None
+    return (installation.unmodelled or 0.1) if on_body else 0.0
 
 
 def _innovations(data: list[Measured], known: KnownProfile, model: Model) -> tuple[Array, Array]:
@@ -232,9 +251,9 @@ def _innovations(data: list[Measured], known: KnownProfile, model: Model) -> tup
         system, ride = ride_of(one, model)
         start = start_of(one, replace(model, spectrum=USUAL), system, ride)
         signals = row_signals(one, ride) - known.response(ride, start)
-        order = (np.arange(ride.ring) - ride.first_knot) % ride.ring
-        around = markov(model.spectrum, ride.spacing).covariance(ride.ring)[np.ix_(order, order)]
-        prepared = prepared_filter(one, model, ride, replace(start, coefficients=around))
+        share = model.spectrum.amplitude / USUAL.amplitude
+        around = replace(start, coefficients=share * start.coefficients)
+        prepared = prepared_filter(one, model, ride, around)
         parts.append((innovations(prepared, signals)[:, 0], prepared.innovation_variance))
     return np.concatenate([e for e, _ in parts]), np.concatenate([S for _, S in parts])
 
@@ -243,7 +262,7 @@ def _with_best_origin(
     data: list[Measured], known: KnownProfile, start: Model, free: list[Parameter]
 ) -> Model:
     """The origin with the highest likelihood on a grid: it has many local maxima, a wave apart."""
-    if not any(one.name == "origin" for one in free):
+    if not any(one.name == ORIGIN for one in free):
         return start
     # Off the knots: where all samples of a distance-sampled recording lie on knots, round-off decides their bays.
     shifts = np.arange(-SEARCHED_ORIGINS, SEARCHED_ORIGINS, 1.0) + 0.45 * KNOT_SPACING
@@ -259,77 +278,106 @@ def _function_of(
 
 
 def _fitted(
-    data: list[Measured], known: KnownProfile, start: Model, free: list[Parameter], progress: Progress
-) -> Maximum:
-    centre = np.array([value_of(start, one) for one in free])
+    data: list[Measured], known: KnownProfile, centre: Model, start: Model, free: list[Parameter],
+    progress: Callable[[float], None],
+) -> Maximum:  # fmt: skip
+    """The maximum over ``free``, from ``start``, with the prior about ``centre``."""
+    at, about = (np.array([value_of(model, one) for one in free]) for model in (start, centre))
     precision = np.array([one.spread**-2 for one in free])
-    function = _function_of(data, known, start, free)
-    return maximise(function, centre, centre, precision, lambda share: progress("fitting", share))
+    return maximise(_function_of(data, known, start, free), at, about, precision, progress)
+
+
+def _fit_mechanics(
+    data: list[Measured], known: KnownProfile, beginning: Model, free: list[Parameter], asked: bool,
+    notes: list[str], progress: Progress,
+) -> tuple[Model, list[Parameter], Maximum]:  # fmt: skip
+    """Fit vehicle and places; hold what the data turn out not to tell, and fit the rest again."""
+    model = beginning
+    while True:
+        every = [*free, *noise_parameters(model)]
+        found = _fitted(
+            data, known, beginning, model, every, lambda share: progress("fitting the vehicle", share)
+        )
+        model = changed(model, every, found.parameters)
+        lost = _untold(found.slopes.information[: len(free), : len(free)], free, LITTLE)
+        if lost is None:
+            return model, free, found
+        if asked:
+            raise _undetermined(free, lost)
+        worst = lost[0]
+        notes.append(_held(free, lost))
+        model = changed(model, [free[worst]], np.array([value_of(beginning, free[worst])]))
+        free = [one for i, one in enumerate(free) if i != worst]
+
+
+def _fit_noise(data: list[Measured], known: KnownProfile, model: Model, progress: Progress) -> Model:
+    """The noise that explains what the fitted vehicle leaves, by maximum likelihood."""
+    noise = noise_parameters(model)
+    found = _fitted(data, known, model, model, noise, lambda share: progress("fitting the noise", share))
+    return changed(model, noise, found.parameters)
 
 
 def _told(
     data: list[Measured], known: KnownProfile, start: Model, free: list[Parameter], asked: bool
 ) -> tuple[list[Parameter], list[str]]:
-    """Leave out, one by one, what the data cannot tell at the start; refuse if it was asked for."""
+    """Leave out, one by one, what no fit could tell, whatever the values; refuse if it was asked for."""
     at = np.array([value_of(start, one) for one in free])
-    _, information, _ = fisher_information(_function_of(data, known, start, free), at)
+    information = slopes(_function_of(data, known, start, free), at).information
     notes: list[str] = []
-    while True:
-        precision = np.array([one.spread**-2 for one in free])
-        found = Maximum(at, information, precision, 0.0, True)
-        lost = _untold(found, free)
-        if lost is None:
-            return free, notes
+    while (lost := _untold(information, free, NOTHING)) is not None:
         if asked:
-            _require_told(found, free)
-        notes.append(_held(free[lost]))
-        keep = [i for i in range(len(free)) if i != lost]
-        free, at, information = [free[i] for i in keep], at[keep], information[np.ix_(keep, keep)]
+            raise _undetermined(free, lost)
+        notes.append(_held(free, lost))
+        keep = [i for i in range(len(free)) if i != lost[0]]
+        free, information = [free[i] for i in keep], information[np.ix_(keep, keep)]
+    return free, notes
 
 
-def _untold(found: Maximum, free: list[Parameter]) -> int | None:
-    """The parameter that the data tell least, if they tell it too little."""
-    share = np.sqrt(np.diag(found.covariance)) / np.array([one.spread for one in free])
-    share[[one.nuisance for one in free]] = 0.0
-    worst = int(np.argmax(share))
-    return worst if share[worst] > UNDETERMINED else None
+def _untold(information: Array, free: list[Parameter], least: float) -> list[int] | None:
+    """Parameters of the direction that the data tell least, the most involved first; None if it is told.
+
+    A direction is told if its eigenvalue of the information, in units of the prior's, exceeds ``least``.
+    """
+    spread = np.array([one.spread for one in free])
+    values, directions = np.linalg.eigh(information * np.outer(spread, spread))
+    if values[0] > least:
+        return None
+    share = np.abs(directions[:, 0])
+    # The first of those that share a direction alike: masses stand first, and only their ratios are told.
+    worst = int(np.flatnonzero(share > 0.8 * np.max(share))[0])
+    others = [int(i) for i in np.argsort(-share) if share[i] > INVOLVED and i != worst]
+    return [worst, *others]
 
 
-def _require_told(found: Maximum, free: list[Parameter]) -> None:
-    lost = _untold(found, free)
-    if lost is None:
-        return
-    covariance = found.covariance
-    partners = np.abs(covariance[lost]) / np.sqrt(covariance[lost, lost] * np.diag(covariance))
-    partners[lost] = 0.0
-    partner = free[int(np.argmax(partners))].name
-    raise UndeterminedError(
-        f"The data cannot tell {free[lost].name!r}: most like it acts {partner!r} (correlation "
-        f"{np.max(partners):.2f}); leave one of them out, or add a recording at another speed."
+def _undetermined(free: list[Parameter], lost: list[int]) -> UndeterminedError:
+    names = ", ".join(repr(free[i].name) for i in lost)
+    if len(lost) == 1:
+        return UndeterminedError(f"The data do not tell {names}: leave it out, or add recordings that excite it.")
+    return UndeterminedError(
+        f"The data tell {names} only together, not each: leave one of them out, or add recordings at other speeds."
     )
 
 
-def _held(parameter: Parameter) -> str:
-    return f"{parameter.name} is held at its start: the data cannot tell it"
+def _held(free: list[Parameter], lost: list[int]) -> str:
+    name, others = free[lost[0]].name, ", ".join(free[i].name for i in lost[1:])
+    return f"{name} is held at its start: the data do not tell it" + (f" apart from {others}" if others else "")
 
 
 def _calibration(
-    start: Model, free: list[Parameter], found: Maximum, installation: Installation, notes: tuple[str, ...]
-) -> Calibration:
-    model = changed(start, free, found.parameters)
-    covariance = found.covariance
+    start: Model, model: Model, free: list[Parameter], found: Maximum, covariance: Array,
+    installation: Installation, notes: tuple[str, ...],
+) -> Calibration:  # fmt: skip
+    covariance = covariance[: len(free), : len(free)]
     errors = np.sqrt(np.diag(covariance))
-    shown = [i for i, one in enumerate(free) if not one.nuisance]
     estimates = []
-    for i in shown:
-        one = free[i]
-        first, value = value_of(start, one), found.parameters[i]
+    for i, one in enumerate(free):
+        first, value, error = value_of(start, one), float(found.parameters[i]), float(errors[i])
         if one.positive:
-            first, value = np.exp(first), np.exp(value)
-        error = errors[i] * (value if one.positive else 1.0)
-        estimates.append(Estimated(one.name, one.unit, float(first), float(value), float(error)))
-    correlation = covariance[np.ix_(shown, shown)] / np.outer(errors[shown], errors[shown])
-    if not found.converged:
-        notes = (*notes, "the fit did not converge: its likelihood is flat or rough; add data or fix parameters")
+            first, value = float(np.exp(first)), float(np.exp(value))
+            error *= value
+        estimates.append(Estimated(one.name, one.unit, first, value, error))
+    correlation = covariance / np.outer(errors, errors)
     fitted = replace(installation, origin=model.origin, sensors=model.sensors, unmodelled=model.unmodelled)
-    return Calibration(model.vehicle, fitted, tuple(estimates), correlation, found.log_likelihood, notes)
+    return Calibration(
+        model.vehicle, fitted, tuple(estimates), correlation, found.slopes.log_likelihood, notes
+    )

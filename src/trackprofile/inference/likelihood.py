@@ -23,28 +23,47 @@ MOST_ITERATIONS = 40
 
 
 @dataclass(frozen=True)
+class Slopes:
+    """Log-likelihood at some parameters, with each row's score (p, rows) and the Fisher information (p, p)."""
+
+    log_likelihood: float
+    scores: Array
+    information: Array
+
+
+@dataclass(frozen=True)
 class Maximum:
     """Where the posterior of the parameters is highest.
 
     Parameters
     ----------
     parameters : (p,)
-    information : (p, p), Fisher information of the data alone
+    slopes : of the log-likelihood there
     precision : (p,), of the prior
-    log_likelihood : of the data there
     converged : whether the last step promised less than a thousandth of a unit of log-likelihood
     """
 
     parameters: Array
-    information: Array
+    slopes: Slopes
     precision: Array
-    log_likelihood: float
     converged: bool
 
-    @property
-    def covariance(self) -> Array:
-        """Posterior covariance of the parameters, (p, p)."""
-        return np.linalg.inv(self.information + np.diag(self.precision))
+    def covariance(self, memory: int = 0) -> Array:
+        """Posterior covariance of the parameters, (p, p).
+
+        With a ``memory`` of so many rows it allows for residuals that depend on each other over that distance,
+        which white noise does not: H⁻¹ V H⁻¹ with V the scores' covariance, Bartlett-weighted (Newey and West
+        1987).
+        """
+        bread = np.linalg.inv(self.slopes.information + np.diag(self.precision))
+        if memory == 0:
+            return bread
+        scores = self.slopes.scores - np.mean(self.slopes.scores, axis=1, keepdims=True)
+        meat = scores @ scores.T
+        for lag in range(1, min(memory, scores.shape[1] - 1) + 1):
+            cross = scores[:, lag:] @ scores[:, :-lag].T
+            meat += (1 - lag / (memory + 1)) * (cross + cross.T)
+        return bread @ (meat + np.diag(self.precision)) @ bread
 
 
 def log_likelihood(e: Array, S: Array) -> float:
@@ -52,8 +71,8 @@ def log_likelihood(e: Array, S: Array) -> float:
     return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 
-def fisher_information(innovations: Innovations, parameters: Array) -> tuple[Array, Array, float]:
-    """Score, Fisher information and log-likelihood at the parameters.
+def slopes(innovations: Innovations, parameters: Array) -> Slopes:
+    """Scores and Fisher information at the parameters.
 
     I_ij = Σ ∂_i e ∂_j e / S + ½ ∂_i S ∂_j S / S²; the derivatives are differences with a step of ``STEP``.
     """
@@ -62,9 +81,9 @@ def fisher_information(innovations: Innovations, parameters: Array) -> tuple[Arr
         moved = list(pool.map(innovations, parameters + STEP * np.eye(len(parameters))))
     de = np.array([(there - e) / STEP for there, _ in moved])
     dS = np.array([(there - S) / STEP for _, there in moved])
-    score = -de @ (e / S) - 0.5 * dS @ (1 / S - e**2 / S**2)
+    scores = -de * (e / S) - 0.5 * dS * (1 / S - e**2 / S**2)
     information = (de / S) @ de.T + 0.5 * (dS / S**2) @ dS.T
-    return score, information, log_likelihood(e, S)
+    return Slopes(log_likelihood(e, S), scores, information)
 
 
 def maximise(
@@ -85,12 +104,12 @@ def maximise(
     def height(at: Array, likelihood: float) -> float:
         return likelihood - 0.5 * float(np.sum(precision * (at - centre) ** 2))
 
-    score, information, likelihood = fisher_information(innovations, parameters)
+    local = slopes(innovations, parameters)
     for iteration in range(MOST_ITERATIONS):
         progress(iteration / MOST_ITERATIONS)
-        gradient = score - precision * (parameters - centre)
-        curvature = information + np.diag(precision)
-        here = height(parameters, likelihood)
+        gradient = np.sum(local.scores, axis=1) - precision * (parameters - centre)
+        curvature = local.information + np.diag(precision)
+        here = height(parameters, local.log_likelihood)
         while True:
             damped = curvature + damping * np.diag(np.diag(curvature))
             step = np.clip(np.linalg.solve(damped, gradient), -LARGEST_MOVE, LARGEST_MOVE)
@@ -101,8 +120,8 @@ def maximise(
             damping *= 5
         if gained > 0:
             parameters, damping = parameters + step, max(damping / 5, 1e-7)
-            score, information, likelihood = fisher_information(innovations, parameters)
+            local = slopes(innovations, parameters)
         if converged or gained <= 0:
             break
     progress(1.0)
-    return Maximum(parameters, information, precision, likelihood, converged)
+    return Maximum(parameters, local, precision, converged)

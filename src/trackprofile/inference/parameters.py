@@ -15,60 +15,56 @@ from trackprofile.vehicle import parameter_values, with_parameters
 
 Array = NDArray[np.float64]
 
-ORIGIN, UNMODELLED, REFERENCE_ERROR = "origin", "unmodelled acceleration", "error of the reference"
+ORIGIN, UNMODELLED = "origin", "unmodelled acceleration"
 
 
 @dataclass(frozen=True)
 class Parameter:
     """A number to fit. Positive ones are fitted by their logarithm.
 
-    ``spread`` is the prior's standard deviation (of the logarithm where positive) about the start; a ``nuisance``
-    is fitted along and not reported, even where the data do not tell it.
+    ``spread`` is the prior's standard deviation (of the logarithm where positive) about the start.
     """
 
     name: str
     unit: str
     spread: float
     positive: bool = True
-    nuisance: bool = False
 
 
-def free_parameters(model: Model, names: Sequence[str] | None) -> list[Parameter]:
-    """The parameters of that name, or all there are; noise is always fitted along.
+def mechanical_parameters(model: Model, names: Sequence[str] | None) -> list[Parameter]:
+    """Those of the vehicle and the sensors' places, of the given names or all.
 
     Raises
     ------
     ModelError
         Where there is none of a name.
     """
-    fitted = {one.name: one for one in _all(model)}
-    noise = [one for one in fitted.values() if one.name == UNMODELLED or one.name.startswith("noise of")]
-    error = Parameter(REFERENCE_ERROR, "m² rad/m", 2.0, nuisance=True)
-    if names is None:
-        return [*fitted.values(), error]
-    for name in names:
-        if name not in fitted:
-            raise ModelError(f"There is no parameter {name!r} to fit; there are {', '.join(fitted)}.")
-    return [*(one for one in fitted.values() if one.name in names or one in noise), error]
-
-
-def _all(model: Model) -> list[Parameter]:
     every = [Parameter(one.name, one.unit, 0.5) for one in model.vehicle.parameters]
     every.append(Parameter(ORIGIN, "m", 5.0, positive=False))
-    for sensor in model.sensors:
-        every.append(Parameter(f"position of {sensor.name}", "m", 1.0, positive=False))
+    every += [Parameter(f"position of {one.name}", "m", 1.0, positive=False) for one in model.sensors]
+    if names is None:
+        return every
+    known = [one.name for one in every]
+    for name in names:
+        if name not in known:
+            raise ModelError(f"There is no parameter {name!r} to fit; there are {', '.join(known)}.")
+    return [one for one in every if one.name in names]
+
+
+def noise_parameters(model: Model) -> list[Parameter]:
+    """The noise of each sensor, and the unmodelled acceleration where the model has any."""
+    every = [
+        Parameter(f"noise of {one.name}", UNITS[one.quantity].replace("s2", "s²") + "/√Hz", 2.0)
+        for one in model.sensors
+    ]
     if model.unmodelled > 0:
         every.append(Parameter(UNMODELLED, "of the measured", 2.0))
-    for sensor in model.sensors:
-        unit = UNITS[sensor.quantity].replace("m/s2", "m/s²") + "/√Hz"
-        every.append(Parameter(f"noise of {sensor.name}", unit, 2.0, nuisance=True))
     return every
 
 
 def value_of(model: Model, parameter: Parameter) -> float:
     """The parameter's value in the model; its logarithm where it is positive."""
     values = {**parameter_values(model.vehicle), ORIGIN: model.origin, UNMODELLED: model.unmodelled}
-    values[REFERENCE_ERROR] = model.spectrum.amplitude
     for sensor in model.sensors:
         values[f"position of {sensor.name}"] = sensor.position
         values[f"noise of {sensor.name}"] = sensor.noise_density or 0.0
@@ -99,7 +95,4 @@ def changed(model: Model, parameters: Sequence[Parameter], at: Array) -> Model:
         sensors=sensors,
         origin=values.get(ORIGIN, model.origin),
         unmodelled=values.get(UNMODELLED, model.unmodelled),
-        spectrum=replace(
-            model.spectrum, amplitude=values.get(REFERENCE_ERROR, model.spectrum.amplitude)
-        ),
     )

@@ -33,7 +33,7 @@ What a calibration found beside it stands in the tables ``installation`` and ``c
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -265,11 +265,7 @@ def _named(part: _Part) -> list[tuple[str, str]]:
     return [(field, name) for field, name in fields if isinstance(name, str)]
 
 
-def _shared(
-    name: str,
-    parameter: tables.Parameter,
-    parts: tuple[tables.Body | tables.Link | tables.Wheel, ...],
-) -> Parameter:
+def _shared(name: str, parameter: tables.Parameter, parts: Sequence[_Part]) -> Parameter:
     used_by = [(part.name, field) for part in parts for field, used in _named(part) if used == name]
     if not used_by:
         raise ModelError(f"nothing uses the parameter {name!r}; name it in a part, or remove it")
