@@ -92,7 +92,9 @@ def gain(band: Band, omega: ArrayLike) -> NDArray[np.float64]:
         return 1 / np.sqrt(1 + detuning ** (2 * _ORDER))
 
 
-def band_pass(values: ArrayLike, spacing: float, band: Band) -> NDArray[np.float64]:
+def band_pass(
+    values: ArrayLike, spacing: float, band: Band, passes: int = 1
+) -> NDArray[np.float64]:
     """What of a profile, or of many draws of one, lies in a band; no phase shift.
 
     The straight line from end to end is taken off and the rest continued beyond each end by odd
@@ -105,6 +107,8 @@ def band_pass(values: ArrayLike, spacing: float, band: Band) -> NDArray[np.float
     values : along the last axis, any others are draws (..., n) [m, or any unit]
     spacing : distance between the values [m]
     band : the band
+    passes : 1 for `FILTER_NAME`; 2 for the other usual convention, forwards and backwards, which is
+        -6 dB at the limits
 
     Returns
     -------
@@ -136,7 +140,7 @@ def band_pass(values: ArrayLike, spacing: float, band: Band) -> NDArray[np.float
     along = np.arange(1, last) / last
     line = values[..., :1] * (1 - along) + values[..., -1:] * along
     sines = np.asarray(dst(values[..., 1:-1] - line, type=1, axis=-1, overwrite_x=True))
-    sines *= gain(band, np.pi / spacing * along)
+    sines *= gain(band, np.pi / spacing * along) ** passes
     filtered = np.zeros_like(values)
     filtered[..., 1:-1] = idst(sines, type=1, axis=-1, overwrite_x=True)
     return filtered
@@ -190,13 +194,15 @@ def edge_distance(band: Band) -> float:
     return float(step * np.argmax(energy_beyond < _TAIL_ENERGY * total))
 
 
-def band_pass_pieces(values: ArrayLike, spacing: float, band: Band) -> NDArray[np.float64]:
+def band_pass_pieces(
+    values: ArrayLike, spacing: float, band: Band, passes: int = 1
+) -> NDArray[np.float64]:
     """The same for values with gaps: each piece between gaps is filtered apart.
 
     Parameters
     ----------
     values : NaN in gaps (n) [any unit]
-    spacing, band : as of `band_pass`
+    spacing, band, passes : as of `band_pass`
 
     Returns
     -------
@@ -213,7 +219,7 @@ def band_pass_pieces(values: ArrayLike, spacing: float, band: Band) -> NDArray[n
     filtered = np.full_like(values, np.nan)
     for piece in runs(np.isfinite(values)):
         if not obstacle(band, spacing, spacing * (piece.stop - piece.start - 1)):
-            filtered[piece] = band_pass(values[piece], spacing, band)
+            filtered[piece] = band_pass(values[piece], spacing, band, passes)
     return filtered
 
 

@@ -88,6 +88,7 @@ def compare(
     to_m: float | None = None,
     bands: Sequence[Band] = BANDS,
     largest_lag: float = 5.0,
+    passes: int = 1,
 ) -> Comparison:
     """Align a profile with a reference and state their agreement per band.
 
@@ -102,6 +103,7 @@ def compare(
     from_m, to_m : the stretch, by the reference's distance; all that they share if None [m]
     bands : to state
     largest_lag : searched to both sides; 0 aligns nothing [m]
+    passes : of the filter, as of `bands.band_pass`; a stated standard deviation is that of one pass
 
     Raises
     ------
@@ -125,7 +127,7 @@ def compare(
     inside = _stretch(pair.distance, from_m, to_m)
     compared: dict[str, BandComparison | None] = {}
     for band in bands:
-        compared[band.name], reason = _compare_band(pair, band, inside, lag)
+        compared[band.name], reason = _compare_band(pair, band, inside, lag, passes)
         notes += reason
     first, last = float(pair.distance[0]), float(pair.distance[-1])
     return Comparison(
@@ -160,11 +162,11 @@ class _Pair:
         longest = max((piece.stop - piece.start for piece in pieces), default=1)
         return obstacle(band, self.spacing, (longest - 1) * self.spacing)
 
-    def in_band(self, band: Band) -> tuple[Array, Array]:
+    def in_band(self, band: Band, passes: int = 1) -> tuple[Array, Array]:
         """Both in a band; NaN where no piece carries it."""
         return (
-            band_pass_pieces(self.profile, self.spacing, band),
-            band_pass_pieces(self.reference, self.spacing, band),
+            band_pass_pieces(self.profile, self.spacing, band, passes),
+            band_pass_pieces(self.reference, self.spacing, band, passes),
         )
 
 
@@ -241,12 +243,12 @@ def _correlation(one: Array, other: Array) -> float:
 
 
 def _compare_band(
-    pair: _Pair, band: Band, inside: NDArray[np.bool_], lag: float
+    pair: _Pair, band: Band, inside: NDArray[np.bool_], lag: float, passes: int
 ) -> tuple[BandComparison | None, tuple[str, ...]]:
     reason = pair.obstacle(band)
     if reason:
         return None, (reason,)
-    profile, reference = pair.in_band(band)
+    profile, reference = pair.in_band(band, passes)
     here = inside & np.isfinite(profile)
     if np.count_nonzero(here) < 2:
         return None, (f"Band {band.name}: the stretch lies in gaps or pieces too short for it",)

@@ -74,5 +74,3 @@ class Installation:
     origin: float = 0.0
     sensors: tuple[Sensor, ...] = ()
     unmodelled: float | None = None
-
-

@@ -52,7 +52,9 @@ class Spectrum:
     def density(self, spatial_frequency: Array) -> Array:
         """S(Ω), m²/(rad/m), for Ω in rad/m."""
         square = np.square(spatial_frequency)
-        return self.amplitude * self.upper**2 / ((square + self.lower**2) * (square + self.upper**2))
+        return (
+            self.amplitude * self.upper**2 / ((square + self.lower**2) * (square + self.upper**2))
+        )
 
     def standard_deviation(self, shortest: float, longest: float) -> float:
         """Root of ∫ S dΩ over the wavelengths ``shortest`` to ``longest``, m."""
@@ -98,7 +100,9 @@ def markov(spectrum: Spectrum, spacing: float) -> MarkovProfile:
     a1, a2 = r + c, -r * c
     # Yule-Walker: γ0 (1 - a2)(1 - a1 - a2)(1 + a1 - a2)... written in the poles, which lose no digits.
     share = (1 - r * r) * (1 - c * c) * (1 - r * c) / (1 + r * c)
-    return MarkovProfile(float(a1), float(a2), float(spectrum.variance * share), float(spectrum.variance))
+    return MarkovProfile(
+        float(a1), float(a2), float(spectrum.variance * share), float(spectrum.variance)
+    )
 
 
 def scaled(spectrum: Spectrum, factor: float) -> Spectrum:
@@ -106,7 +110,9 @@ def scaled(spectrum: Spectrum, factor: float) -> Spectrum:
     return replace(spectrum, amplitude=spectrum.amplitude * factor)
 
 
-def draw(spectrum: Spectrum, distance: Array, generator: np.random.Generator, shortest: float = 0.5) -> Array:
+def draw(
+    spectrum: Spectrum, distance: Array, generator: np.random.Generator, shortest: float = 0.5
+) -> Array:
     """A random profile with that spectrum, m, at evenly or unevenly spaced ``distance`` (n,) in m.
 
     Sums cosines r = Σ √(2 S ΔΩ) cos(Ω x + φ) with random phases, from the shortest wavelength to ten times
@@ -115,10 +121,12 @@ def draw(spectrum: Spectrum, distance: Array, generator: np.random.Generator, sh
     length = float(distance[-1] - distance[0])
     step = np.pi / (2 * max(length, 100.0))
     omega = (np.arange(int(2 * np.pi / shortest / step)) + generator.random()) * step
-    omega = omega[omega > 0]
+    omega = omega[omega > 0].astype(np.float64)
     amplitude = np.sqrt(2 * spectrum.density(omega) * step)
     phase = generator.uniform(0, 2 * np.pi, len(omega))
     result = np.zeros(len(distance))
-    for part in np.array_split(np.arange(len(omega)), max(1, len(omega) * len(distance) // 2_000_000)):
+    for part in np.array_split(
+        np.arange(len(omega)), max(1, len(omega) * len(distance) // 2_000_000)
+    ):
         result += np.cos(np.outer(distance, omega[part]) + phase[part]) @ amplitude[part]
     return result

@@ -22,6 +22,7 @@ from trackprofile.track import ElasticTrack, RigidTrack, Track
 from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 UNMODELLED_BANDWIDTH = 10.0
 """Hz up to which unmodelled accelerations are white: about where car bodies stop to be rigid."""
@@ -89,7 +90,10 @@ def state_space(
         if sensor.quantity == PITCH_RATE:
             C[row, f : 2 * f] = weights[free]
         else:
-            C[row], D[row, :2] = weights[free] @ A[f : 2 * f], np.einsum("i,ijk", weights[free], B[f : 2 * f])
+            C[row], D[row, :2] = (
+                weights[free] @ A[f : 2 * f],
+                np.einsum("i,ijk", weights[free], B[f : 2 * f]),
+            )
             if isinstance(track, RigidTrack):
                 D[row, 2] = weights[wheels]
         C[row, 2 * f + u + row] = 1.0
@@ -97,7 +101,7 @@ def state_space(
     return StateSpace(freedoms, A, B, C, D, disturbance, positions)
 
 
-def transfer_function(system: StateSpace, spatial_frequency: Array, speed: float) -> Array:
+def transfer_function(system: StateSpace, spatial_frequency: Array, speed: float) -> ComplexArray:
     """Response of each sensor to a unit cosine of the profile under the leading wheel.
 
     H(Ω) = C (iω - A)⁻¹ B [1; iω] e^{-iΩd} + D [1; iω; -ω²] e^{-iΩd},  ω = Ω v.
@@ -118,14 +122,16 @@ def transfer_function(system: StateSpace, spatial_frequency: Array, speed: float
     return states @ system.C.T + direct
 
 
-def state_response(system: StateSpace, spatial_frequency: Array, speed: float) -> tuple[Array, Array]:
+def state_response(
+    system: StateSpace, spatial_frequency: Array, speed: float
+) -> tuple[ComplexArray, ComplexArray]:
     """States (m, n) per metre of a unit harmonic profile, and the paths' phases (m, wheels)."""
     omega = spatial_frequency * speed
     paths = np.exp(-1j * np.outer(spatial_frequency, system.wheel_positions))
     derivatives = np.stack([np.ones_like(omega) + 0j, 1j * omega], axis=1)
     push = np.einsum("ndw,md,mw->mn", system.B, derivatives, paths)
     left = 1j * omega[:, None, None] * np.eye(len(system.A)) - system.A
-    return np.linalg.solve(left, push[..., None])[..., 0], paths
+    return np.asarray(np.linalg.solve(left, push[..., None])[..., 0], np.complex128), paths
 
 
 def generator(system: StateSpace) -> Array:
@@ -198,7 +204,7 @@ def _noise_over(A: Array, intensity: Array, duration: float) -> Array:
     n = len(A)
     block = np.block([[-A, intensity], [np.zeros((n, n)), A.T]])
     exponential = expm(block * duration)
-    return exponential[n:, n:].T @ exponential[:n, n:]
+    return np.asarray(exponential[n:, n:].T @ exponential[:n, n:], np.float64)
 
 
 def _noise_polynomial(A: Array, intensity: Array, start: Array, out: Array) -> None:
@@ -246,7 +252,9 @@ def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
     freedoms = full.degrees_of_freedom
     if sensor.quantity == PITCH_RATE:
         if (sensor.body, PITCH) not in freedoms:
-            raise ModelError(f"sensor {sensor.name!r} measures pitch, but {sensor.body!r} only heaves")
+            raise ModelError(
+                f"sensor {sensor.name!r} measures pitch, but {sensor.body!r} only heaves"
+            )
         row = np.zeros(len(freedoms))
         row[freedoms.index((sensor.body, PITCH))] = 1.0
         return row
@@ -255,9 +263,7 @@ def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
     return displacement_row(vehicle, freedoms, sensor.body, centre - sensor.position)
 
 
-def _shaken(
-    vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...]
-) -> list[tuple[int, float]]:
+def _shaken(vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...]) -> list[tuple[int, float]]:
     """Freedoms of the first body that unmodelled accelerations act on, with their relative densities."""
     body = vehicle.bodies[0]
     shaken = [(freedoms.index((body.name, HEAVE)), 1.0)]

@@ -221,7 +221,9 @@ def _check(vehicle: Vehicle) -> None:
     if not vehicle.bodies or not vehicle.wheels:
         raise ModelError(f"{where} needs at least one body and one wheel")
     if min(wheel.position for wheel in vehicle.wheels) != 0.0:
-        raise ModelError(f"{where}: positions count from the leading wheel, so one wheel stands at 0")
+        raise ModelError(
+            f"{where}: positions count from the leading wheel, so one wheel stands at 0"
+        )
     for body in vehicle.bodies:
         if not body.mass > 0 or (body.pitch_inertia is not None and not body.pitch_inertia > 0):
             raise ModelError(f"{where}: mass and pitch inertia of {body.name!r} must be positive")
@@ -231,4 +233,6 @@ def _check(vehicle: Vehicle) -> None:
             if end not in ends:
                 raise ModelError(f"{where}: link {link.name!r} ends at {end!r}, which is no part")
         if link.stiffness < 0 or link.damping < 0:
-            raise ModelError(f"{where}: link {link.name!r} needs stiffness and damping of at least 0")
+            raise ModelError(
+                f"{where}: link {link.name!r} needs stiffness and damping of at least 0"
+            )

@@ -138,7 +138,7 @@ def calibrate(
 
     check_vehicle_place(output)
     measured = [between(_read(path, "recording"), from_m, to_m) for path in recordings]
-    known = _read(reference, "profile")
+    known = between(_read(reference, "profile"), from_m, to_m)
     car, installation = read_vehicle(vehicle)
     support = read_track(track)
     with show.progress_bars() as progress:
@@ -174,13 +174,20 @@ def compare(
     reference: Annotated[Path, typer.Argument(metavar="REFERENCE")],
     from_m: From = None,
     to_m: To = None,
+    passes: Annotated[
+        int, typer.Option(min=1, max=2, help="Of the band filter: 2 is forwards and backwards.")
+    ] = 1,
     as_json: Json = False,
 ) -> None:
     """Say how a profile agrees with a reference, per band of wavelengths."""
     from trackprofile.comparison import compare as compared
 
     result = compared(
-        _read(profile, "profile"), _read(reference, "profile"), from_m=from_m, to_m=to_m
+        _read(profile, "profile"),
+        _read(reference, "profile"),
+        from_m=from_m,
+        to_m=to_m,
+        passes=passes,
     )
     show.note(result.notes)
     if as_json:

@@ -64,7 +64,9 @@ def spline_weights(position, spacing, base, value, slope, curvature):  # pragma:
 
 
 @compiled
-def _paths(position, speed, acceleration, wheels, spacing, bases, paths, scratch):  # pragma: no cover
+def _paths(
+    position, speed, acceleration, wheels, spacing, bases, paths, scratch
+):  # pragma: no cover
     """paths[d, i, :] ← weights of the d-th time derivative of wheel i's path over its columns."""
     for i in range(len(wheels)):
         spline_weights(position - wheels[i], spacing, bases[i], scratch[0], scratch[1], scratch[2])

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
-from trackprofile.errors import DataError, UndeterminedError
-from trackprofile.inference import recursions
-from trackprofile.inference.bay_kernels import COLUMNS
+from trackprofile.errors import UndeterminedError
+from trackprofile.inference.known import SEARCHED_ORIGINS, KnownProfile
 from trackprofile.inference.likelihood import (
     Maximum,
     Progress,
@@ -41,18 +39,13 @@ from trackprofile.inference.parameters import (
     noise_parameters,
     value_of,
 )
-from trackprofile.inference.ride import Ride
-from trackprofile.inference.smoother import Start, innovations
-from trackprofile.motion import Motion
+from trackprofile.inference.smoother import innovations
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import scaled
 from trackprofile.track import RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-SEARCHED_ORIGINS = 15.0
-"""m around the stated origin in which it is looked for before anything else is fitted."""
 
 MEMORY = 20.0
 """m over which residuals hang together: a few periods of the body's bounce."""
@@ -150,80 +143,33 @@ def calibrate(
     progress = progress or (lambda stage, share: None)
     recordings = [recording] if isinstance(recording, xr.Dataset) else list(recording)
     known = KnownProfile.of(reference)
-    data = [known.covered(measured(one, installation), vehicle, installation.origin) for one in recordings]
+    data = [
+        known.covered(measured(one, installation), vehicle, installation.origin)
+        for one in recordings
+    ]
     start = _started(data, vehicle, track or RigidTrack(), installation)
     every = mechanical_parameters(start, parameters)
     progress("finding the origin", 0.0)
     beginning = _with_best_origin(data, known, start, every)
     free, notes = _told(data, known, beginning, every, asked=parameters is not None)
-    fitted, free, found = _fit_mechanics(data, known, beginning, free, parameters is not None, notes, progress)
-    complete = _fit_noise(data, known, replace(fitted, unmodelled=_unmodelled_start(data, fitted, installation)), progress)
+    fitted, free, found = _fit_mechanics(
+        data, known, beginning, free, parameters is not None, notes, progress
+    )
+    complete = _fit_noise(
+        data,
+        known,
+        replace(fitted, unmodelled=_unmodelled_start(data, fitted, installation)),
+        progress,
+    )
     if not found.converged:
-        notes.append("the fit did not converge: its likelihood is flat or rough; add data or hold parameters")
-    rows_per_metre = sum(len(one.motion.distance) / np.ptp(one.motion.distance) for one in data) / len(data)
+        notes.append(
+            "the fit did not converge: its likelihood is flat or rough; add data or hold parameters"
+        )
+    rows_per_metre = sum(
+        len(one.motion.distance) / np.ptp(one.motion.distance) for one in data
+    ) / len(data)
     covariance = found.covariance(memory=round(MEMORY * rows_per_metre * len(start.sensors)))
     return _calibration(start, complete, free, found, covariance, installation, tuple(notes))
-
-
-@dataclass(frozen=True)
-class KnownProfile:
-    """A reference as spline coefficients: ``coefficients[i]`` is that of index ``first + i``."""
-
-    coefficients: Array
-    first: int
-    begin: float
-    end: float
-
-    @staticmethod
-    def of(reference: xr.Dataset) -> KnownProfile:
-        """The spline through the reference at its knots; DataError where it has gaps."""
-        distance, elevation = reference["distance"].to_numpy(), reference["elevation"].to_numpy()
-        if not np.all(np.isfinite(elevation)):
-            raise DataError("The reference has gaps in its elevation; choose a stretch without with --from and --to.")
-        first = int(np.ceil(distance[0] / KNOT_SPACING))
-        last = int(np.floor(distance[-1] / KNOT_SPACING))
-        at_knots = np.interp(np.arange(first, last + 1) * KNOT_SPACING, distance, elevation)
-        return KnownProfile(_spline_through(at_knots), first - 1, float(distance[0]), float(distance[-1]))
-
-    def covered(self, data: Measured, vehicle: Vehicle, origin: float) -> Measured:
-        """The part of a recording whose wheels run on the reference, wherever the origin is searched."""
-        at = data.motion.distance + origin
-        low = self.begin + vehicle.length + SEARCHED_ORIGINS + 1.0
-        inside = (at >= low) & (at <= self.end - SEARCHED_ORIGINS - 1.0)
-        if np.sum(inside) < 2 or np.ptp(at[inside]) < 2 * vehicle.length:
-            raise DataError(
-                f"The reference ({self.begin:.0f} m to {self.end:.0f} m) covers less than two lengths of the vehicle "
-                f"of the recording ({at[0]:.0f} m to {at[-1]:.0f} m); the fit needs {SEARCHED_ORIGINS:.0f} m "
-                f"more at each end: choose another stretch or reference."
-            )
-        m = data.motion
-        part = Motion(m.time[inside], m.distance[inside], m.speed[inside], m.acceleration[inside])
-        return replace(data, motion=part, signals=data.signals[inside], valid=data.valid[inside])
-
-    def response(self, ride: Ride, start: Start) -> Array:
-        """The signals (rows, 1) of a ride over the reference, from standing on it quasi-statically."""
-        places = (ride.bases[:, :, None] + np.arange(COLUMNS) - self.first).reshape(len(ride.bases), -1)
-        places = np.clip(places, 0, len(self.coefficients) - 1)
-        window = np.arange(ride.first_knot, ride.first_knot + ride.ring)
-        below = np.empty(ride.ring)
-        below[window % ride.ring] = self.coefficients[np.clip(window - self.first, 0, len(self.coefficients) - 1)]
-        signals = np.empty(len(ride.rows))
-        recursions.responded(
-            start.stance @ below, self.coefficients, ride.F, ride.G, places, ride.rows, ride.first_row, signals
-        )
-        return signals[:, None]
-
-
-def _spline_through(values: Array) -> Array:
-    """Coefficients of the cubic B-spline through values at its knots; one more at each end, straight there."""
-    n = len(values)
-    bands = np.zeros((3, n))
-    bands[0, 1:], bands[1], bands[2, :-1] = 1 / 6, 4 / 6, 1 / 6
-    # r'' = 0 at the ends: c_0 = 2 c_1 - c_2, so that the first row reads c_1 = r.
-    bands[1, 0] = bands[1, -1] = 1.0
-    bands[0, 1] = bands[2, -2] = 0.0
-    inner = solve_banded((1, 1), bands, values)
-    return np.concatenate([[2 * inner[0] - inner[1]], inner, [2 * inner[-1] - inner[-2]]])
 
 
 def _started(
@@ -296,7 +242,12 @@ def _fit_mechanics(
     while True:
         every = [*free, *noise_parameters(model)]
         found = _fitted(
-            data, known, beginning, model, every, lambda share: progress("fitting the vehicle", share)
+            data,
+            known,
+            beginning,
+            model,
+            every,
+            lambda share: progress("fitting the vehicle", share),
         )
         model = changed(model, every, found.parameters)
         lost = _untold(found.slopes.information[: len(free), : len(free)], free, LITTLE)
@@ -310,10 +261,14 @@ def _fit_mechanics(
         free = [one for i, one in enumerate(free) if i != worst]
 
 
-def _fit_noise(data: list[Measured], known: KnownProfile, model: Model, progress: Progress) -> Model:
+def _fit_noise(
+    data: list[Measured], known: KnownProfile, model: Model, progress: Progress
+) -> Model:
     """The noise that explains what the fitted vehicle leaves, by maximum likelihood."""
     noise = noise_parameters(model)
-    found = _fitted(data, known, model, model, noise, lambda share: progress("fitting the noise", share))
+    found = _fitted(
+        data, known, model, model, noise, lambda share: progress("fitting the noise", share)
+    )
     return changed(model, noise, found.parameters)
 
 
@@ -352,7 +307,9 @@ def _untold(information: Array, free: list[Parameter], least: float) -> list[int
 def _undetermined(free: list[Parameter], lost: list[int]) -> UndeterminedError:
     names = ", ".join(repr(free[i].name) for i in lost)
     if len(lost) == 1:
-        return UndeterminedError(f"The data do not tell {names}: leave it out, or add recordings that excite it.")
+        return UndeterminedError(
+            f"The data do not tell {names}: leave it out, or add recordings that excite it."
+        )
     return UndeterminedError(
         f"The data tell {names} only together, not each: leave one of them out, or add recordings at other speeds."
     )
@@ -360,7 +317,9 @@ def _undetermined(free: list[Parameter], lost: list[int]) -> UndeterminedError:
 
 def _held(free: list[Parameter], lost: list[int]) -> str:
     name, others = free[lost[0]].name, ", ".join(free[i].name for i in lost[1:])
-    return f"{name} is held at its start: the data do not tell it" + (f" apart from {others}" if others else "")
+    return f"{name} is held at its start: the data do not tell it" + (
+        f" apart from {others}" if others else ""
+    )
 
 
 def _calibration(
@@ -377,7 +336,9 @@ def _calibration(
             error *= value
         estimates.append(Estimated(one.name, one.unit, first, value, error))
     correlation = covariance / np.outer(errors, errors)
-    fitted = replace(installation, origin=model.origin, sensors=model.sensors, unmodelled=model.unmodelled)
+    fitted = replace(
+        installation, origin=model.origin, sensors=model.sensors, unmodelled=model.unmodelled
+    )
     return Calibration(
         model.vehicle, fitted, tuple(estimates), correlation, found.slopes.log_likelihood, notes
     )

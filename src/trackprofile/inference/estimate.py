@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -25,7 +25,7 @@ from trackprofile.inference.measured import (
 )
 from trackprofile.inference.noise import find_noise
 from trackprofile.inference.ride import Ride
-from trackprofile.inference.smoother import Filter, knot_variance, prior_draws, smooth
+from trackprofile.inference.smoother import knot_variance, prior_draws, smooth
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum, markov
 from trackprofile.track import RigidTrack, Track
@@ -133,7 +133,7 @@ def estimate(
     progress("smoothing", 0.8)
     errors = profiles - smoothed.elevation[:, 1:]
     spread = np.sqrt(np.maximum(knot_variance(prepared), 0.0))
-    place = (ride.first_knot + np.arange(ride.knots)) * ride.spacing
+    place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
     run = data.motion.distance + found.origin
     inside = slice(*np.searchsorted(place, [run[0], run[-1] + 1e-9]))
     bands, skipped = _band_spreads(errors, ride.spacing)
@@ -166,7 +166,9 @@ def _band_spreads(errors: Array, spacing: float) -> tuple[dict[str, Array], tupl
     spreads, notes = {}, []
     for band in BANDS:
         if length < band.longest:
-            notes.append(f"{length:.0f} m are too short for {band.name}, which has waves up to {band.longest:.0f} m")
+            notes.append(
+                f"{length:.0f} m are too short for {band.name}, which has waves up to {band.longest:.0f} m"
+            )
             continue
         spreads[band.name] = _local_rms(band_pass(errors.T, spacing, band), spacing, band)
     return spreads, tuple(notes)
@@ -178,7 +180,9 @@ def _local_rms(draws: Array, spacing: float, band: Band) -> Array:
     return np.sqrt(uniform_filter1d(np.mean(draws**2, axis=0), count, mode="nearest"))
 
 
-def _quality(place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride) -> NDArray[np.int8]:
+def _quality(
+    place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride
+) -> NDArray[np.int8]:
     """Flags of every knot."""
     run = data.motion.distance + model.origin
     flags = np.zeros(len(place), np.int8)
@@ -197,7 +201,11 @@ def _seen(place: Array, sampled: Array, model: Model) -> NDArray[np.bool_]:
     seen = np.zeros(len(place), bool)
     for wheel in model.vehicle.wheels:
         at = sampled - wheel.position
-        nearest = np.clip(np.searchsorted(at, place), 1, len(at) - 1) if len(at) > 1 else np.zeros(len(place), int)
+        nearest = (
+            np.clip(np.searchsorted(at, place), 1, len(at) - 1)
+            if len(at) > 1
+            else np.zeros(len(place), int)
+        )
         distance = np.minimum(np.abs(at[nearest] - place), np.abs(at[nearest - 1] - place))
         seen |= distance <= 1.0
     return seen
@@ -212,10 +220,13 @@ def _prior_spread(spectrum: Spectrum, ride: Ride, band: Band) -> float:
     return float(np.sqrt(np.trapezoid(density, omega) * ride.spacing / np.pi))
 
 
-def _reproduced(recording: xr.Dataset, data: Measured, ride: Ride, residual: Array) -> dict[str, Array]:
+def _reproduced(
+    recording: xr.Dataset, data: Measured, ride: Ride, residual: Array
+) -> dict[str, Array]:
     """Measured less what the model leaves, by channel."""
     left = np.full(data.signals.shape, np.nan)
     left[ride.samples, ride.sensors] = residual
     return {
-        channel.name: data.signals[:, i] - left[:, i] for i, channel in enumerate(channels(recording))
+        channel.name: data.signals[:, i] - left[:, i]
+        for i, channel in enumerate(channels(recording))
     }

@@ -55,7 +55,9 @@ class Maximum:
         which white noise does not: H⁻¹ V H⁻¹ with V the scores' covariance, Bartlett-weighted (Newey and West
         1987).
         """
-        bread = np.linalg.inv(self.slopes.information + np.diag(self.precision))
+        bread = np.asarray(
+            np.linalg.inv(self.slopes.information + np.diag(self.precision)), np.float64
+        )
         if memory == 0:
             return bread
         scores = self.slopes.scores - np.mean(self.slopes.scores, axis=1, keepdims=True)
@@ -114,7 +116,9 @@ def maximise(
             damped = curvature + damping * np.diag(np.diag(curvature))
             step = np.clip(np.linalg.solve(damped, gradient), -LARGEST_MOVE, LARGEST_MOVE)
             converged = float(gradient @ step) < 1e-3
-            gained = height(parameters + step, log_likelihood(*innovations(parameters + step))) - here
+            gained = (
+                height(parameters + step, log_likelihood(*innovations(parameters + step))) - here
+            )
             if gained > 0 or converged or damping > 1e8:
                 break
             damping *= 5

@@ -16,7 +16,7 @@ from trackprofile.inference.smoother import Filter, Start, prepare, start_of_rid
 from trackprofile.motion import Motion, motion, recorded_step
 from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.spectrum import Spectrum
-from trackprofile.statespace import UNMODELLED_BANDWIDTH, POLES, StateSpace, state_space
+from trackprofile.statespace import POLES, UNMODELLED_BANDWIDTH, StateSpace, state_space
 from trackprofile.track import Track
 from trackprofile.vehicle import Vehicle
 
@@ -55,7 +55,9 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
     signals = np.stack([channel.values for channel in parts], axis=1)
     steps = [recorded_step(channel.values[valid[:, i]]) for i, channel in enumerate(parts)]
     sensors = tuple(_sensor(channel, installation.sensors) for channel in parts)
-    return Measured(motion(recording), sensors, np.where(valid, signals, 0.0), valid, np.array(steps))
+    return Measured(
+        motion(recording), sensors, np.where(valid, signals, 0.0), valid, np.array(steps)
+    )
 
 
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:

@@ -56,7 +56,12 @@ def find_noise(
     that do not state theirs.
     """
     model = Model(
-        vehicle, track, _started(data), installation.origin, installation.unmodelled or 0.0, prior or USUAL
+        vehicle,
+        track,
+        _started(data),
+        installation.origin,
+        installation.unmodelled or 0.0,
+        prior or USUAL,
     )
     unknowns = _unknowns(model, data, prior)
     if not unknowns:
@@ -71,7 +76,9 @@ def find_noise(
 
     centre = np.log([unknown.centre for unknown in unknowns])
     precision = np.array([unknown.spread**-2 for unknown in unknowns])
-    found = maximise(of_piece, centre, centre, precision, lambda share: progress("finding the noise", share))
+    found = maximise(
+        of_piece, centre, centre, precision, lambda share: progress("finding the noise", share)
+    )
     values = np.exp(found.parameters)
     said = [
         f"{unknown.name} found by maximum likelihood: {value:.3g} {unknown.unit}"
@@ -133,6 +140,9 @@ def _informative(data: Measured) -> Measured:
     first = starts[np.argmin(time[ends[starts]] - time[starts])]
     rows = slice(int(first), int(ends[first]))
     part = Motion(
-        data.motion.time[rows], distance[rows], data.motion.speed[rows], data.motion.acceleration[rows]
+        data.motion.time[rows],
+        distance[rows],
+        data.motion.speed[rows],
+        data.motion.acceleration[rows],
     )
     return replace(data, motion=part, signals=data.signals[rows], valid=data.valid[rows])

@@ -41,13 +41,17 @@ def mechanical_parameters(model: Model, names: Sequence[str] | None) -> list[Par
     """
     every = [Parameter(one.name, one.unit, 0.5) for one in model.vehicle.parameters]
     every.append(Parameter(ORIGIN, "m", 5.0, positive=False))
-    every += [Parameter(f"position of {one.name}", "m", 1.0, positive=False) for one in model.sensors]
+    every += [
+        Parameter(f"position of {one.name}", "m", 1.0, positive=False) for one in model.sensors
+    ]
     if names is None:
         return every
     known = [one.name for one in every]
     for name in names:
         if name not in known:
-            raise ModelError(f"There is no parameter {name!r} to fit; there are {', '.join(known)}.")
+            raise ModelError(
+                f"There is no parameter {name!r} to fit; there are {', '.join(known)}."
+            )
     return [one for one in every if one.name in names]
 
 

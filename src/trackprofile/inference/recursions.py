@@ -48,19 +48,19 @@ def covariances(
         for a in range(Q_all.shape[1]):
             for c in range(n):
                 P[a, c] += Q_all[b, a, c]
-        one, two, three = _oldest(n, ring, newest + b)
+        one, two, three = oldest_places(n, ring, newest + b)
         for j in range(size):
             knots[b, j] = (P[one, j] + 4.0 * P[two, j] + P[three, j]) / 6.0
 
 
 @compiled
-def _oldest(n, ring, newest):  # pragma: no cover
+def oldest_places(n, ring, newest):  # pragma: no cover
     """Places of the three oldest coefficients when ``newest`` is the newest one's index."""
     return n + (newest + 1) % ring, n + (newest + 2) % ring, n + (newest + 3) % ring
 
 
 @compiled
-def _newest(n, ring, newest):  # pragma: no cover
+def newest_places(n, ring, newest):  # pragma: no cover
     """Places of the newest coefficient and of the two before it."""
     return n + newest % ring, n + (newest - 1) % ring, n + (newest - 2) % ring
 
@@ -68,7 +68,7 @@ def _newest(n, ring, newest):  # pragma: no cover
 @compiled
 def _enter(P, a1, a2, innovation, n, ring, newest):  # pragma: no cover
     """The oldest coefficient's place is taken by c_i = a1 c_(i-1) + a2 c_(i-2) + w."""
-    new, one, two = _newest(n, ring, newest)
+    new, one, two = newest_places(n, ring, newest)
     size = P.shape[0]
     for j in range(size):
         P[new, j] = a1 * P[one, j] + a2 * P[two, j]
@@ -126,7 +126,7 @@ def _move_covariance(P, F, G, slots, moved):  # pragma: no cover
 
 
 @compiled
-def _move_means(F, G, slots, means, moved):  # pragma: no cover
+def move_means(F, G, slots, means, moved):  # pragma: no cover
     """x ← F x + G c for each signal."""
     n, columns, signals = F.shape[0], G.shape[1], means.shape[1]
     for a in range(n):
@@ -153,7 +153,7 @@ def filtered(
     moved = np.empty((n, m))
     for b in range(F_all.shape[0]):
         if b > 0:
-            new, one, two = _newest(n, ring, newest + b)
+            new, one, two = newest_places(n, ring, newest + b)
             for s in range(m):
                 means[new, s] = a1 * means[one, s] + a2 * means[two, s]
         slots = slots_all[b]
@@ -165,8 +165,8 @@ def filtered(
             for i in range(means.shape[0]):
                 for s in range(m):
                     means[i, s] += gains[k, i] * signals[k, s]
-        _move_means(F_all[b], G_all[b], slots, means, moved)
-        one, two, three = _oldest(n, ring, newest + b)
+        move_means(F_all[b], G_all[b], slots, means, moved)
+        one, two, three = oldest_places(n, ring, newest + b)
         for s in range(m):
             knots[b, s] = (means[one, s] + 4.0 * means[two, s] + means[three, s]) / 6.0
 
@@ -212,7 +212,7 @@ def smoothed(
             for s in range(m):
                 signals[k, s] = variance[k] * u[s]
         if b > 0:
-            new, one, two = _newest(n, ring, newest + b)
+            new, one, two = newest_places(n, ring, newest + b)
             for s in range(m):
                 adjoint[one, s] += a1 * adjoint[new, s]
                 adjoint[two, s] += a2 * adjoint[new, s]
@@ -233,7 +233,7 @@ def variances(
     L, g = np.zeros((size, size)), np.empty((most, size))
     W, V = np.empty((n, size)), np.empty((n, size))
     for b in range(bays - 1, -1, -1):
-        one, two, three = _oldest(n, ring, newest + b)
+        one, two, three = oldest_places(n, ring, newest + b)
         value = (covariance[b, one] + 4.0 * covariance[b, two] + covariance[b, three]) / 6.0
         for i in range(size):
             dot = 0.0
@@ -244,7 +244,7 @@ def variances(
         _pull_back(L, F_all[b], G_all[b], slots_all[b], W, V)
         _unmeasure(L, rows, slots_all[b], n, gains, S, first_row[b], first_row[b + 1], g)
         if b > 0:
-            new, one, two = _newest(n, ring, newest + b)
+            new, one, two = newest_places(n, ring, newest + b)
             for j in range(size):
                 L[one, j] += a1 * L[new, j]
                 L[two, j] += a2 * L[new, j]
@@ -338,81 +338,3 @@ def _unmeasure(L, rows, slots, n, gains, S, low, high, g):  # pragma: no cover
             L[index, j] -= total[j]
         for j in range(size):
             L[j, index] -= total[j]
-
-
-@compiled
-def simulated(
-    states, a1, a2, entering, shaking, F_all, G_all, Q_all, slots_all, rows,
-    first_row, newest, signals, knots,
-):  # pragma: no cover  # fmt: skip
-    """Draws from the prior and the model: ``signals`` (rows, m) without noise, ``knots`` (bays, m).
-
-    ``states`` (size, m) starts as a draw of the initial state; ``entering`` (bays, m) are the coefficients'
-    innovations, ``shaking`` (bays, n, m) standard normal for the unmodelled accelerations.
-    """
-    n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
-    ring = states.shape[0] - n
-    moved, root = np.empty((n, m)), np.empty((n, n))
-    for b in range(F_all.shape[0]):
-        if b > 0:
-            new, one, two = _newest(n, ring, newest + b)
-            for s in range(m):
-                states[new, s] = a1 * states[one, s] + a2 * states[two, s] + entering[b, s]
-        slots = slots_all[b]
-        for k in range(first_row[b], first_row[b + 1]):
-            for s in range(m):
-                signals[k, s] = 0.0
-            for c in range(n + columns):
-                index = c if c < n else slots[c - n]
-                for s in range(m):
-                    signals[k, s] += rows[k, c] * states[index, s]
-        _move_means(F_all[b], G_all[b], slots, states, moved)
-        if Q_all.shape[1] > 0:
-            _root(Q_all[b], root)
-            for a in range(n):
-                for c in range(a + 1):
-                    for s in range(m):
-                        states[a, s] += root[a, c] * shaking[b, c, s]
-        one, two, three = _oldest(n, ring, newest + b)
-        for s in range(m):
-            knots[b, s] = (states[one, s] + 4.0 * states[two, s] + states[three, s]) / 6.0
-
-
-@compiled
-def _root(Q, root):  # pragma: no cover
-    """Lower triangular root of a covariance that may be singular (Cholesky, a zero pivot gives a zero column)."""
-    n = Q.shape[0]
-    root[:, :] = 0.0
-    for c in range(n):
-        pivot = Q[c, c]
-        for k in range(c):
-            pivot -= root[c, k] ** 2
-        if pivot > 1e-14 * Q[c, c]:
-            root[c, c] = np.sqrt(pivot)
-            for a in range(c + 1, n):
-                value = Q[a, c]
-                for k in range(c):
-                    value -= root[a, k] * root[c, k]
-                root[a, c] = value / root[c, c]
-
-
-@compiled
-def responded(state, coefficients, F_all, G_all, places, rows, first_row, y):  # pragma: no cover
-    """y (rows,) ← the signals of a ride over a known profile; ``places`` (bays, columns) count into its coefficients."""
-    n, columns = F_all.shape[1], G_all.shape[2]
-    moved = np.empty(n)
-    for b in range(F_all.shape[0]):
-        place = places[b]
-        for k in range(first_row[b], first_row[b + 1]):
-            y[k] = 0.0
-            for c in range(n):
-                y[k] += rows[k, c] * state[c]
-            for c in range(columns):
-                y[k] += rows[k, n + c] * coefficients[place[c]]
-        for a in range(n):
-            moved[a] = 0.0
-            for c in range(n):
-                moved[a] += F_all[b, a, c] * state[c]
-            for c in range(columns):
-                moved[a] += G_all[b, a, c] * coefficients[place[c]]
-        state[:] = moved

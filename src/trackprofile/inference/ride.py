@@ -41,7 +41,8 @@ class Ride:
     ``bases`` (bays, wheels) are the indices of the first coefficients that the wheels reach.
     ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there
     are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is;
-    ``bay_position`` (bays,) is where the leading wheel starts each bay, m; knots are counted from ``first_knot`` and lie ``spacing`` m apart.
+    ``bay_position`` (bays,) is where the leading wheel starts each bay, m; knots are counted from
+    ``first_knot`` and lie ``spacing`` m apart.
     """
 
     F: Array
@@ -71,7 +72,9 @@ class Ride:
         return len(self.F) + self.ring - 3
 
 
-def build_ride(system: StateSpace, motion: Motion, valid: NDArray[np.bool_], spacing: float) -> Ride:
+def build_ride(
+    system: StateSpace, motion: Motion, valid: NDArray[np.bool_], spacing: float
+) -> Ride:
     """Cut the motion into bays and compute each bay's matrices.
 
     Parameters
@@ -127,7 +130,9 @@ def cut_into_steps(motion: Motion, spacing: float) -> Steps:
     position = np.interp(grid, end, motion.distance)
     speed = np.interp(grid, end, motion.speed)
     acceleration = np.interp(grid, end, motion.acceleration)
-    interval = np.concatenate([[0.0], _intervals(np.diff(position), speed, np.diff(motion.time), parts)])
+    interval = np.concatenate(
+        [[0.0], _intervals(np.diff(position), speed, np.diff(motion.time), parts)]
+    )
     sample = np.full(len(grid), -1, np.int64)
     sample[end] = np.arange(len(end))
     entering = 1 + np.flatnonzero(np.diff(np.floor(position / spacing)) > 0)

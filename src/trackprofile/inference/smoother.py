@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference import recursions
+from trackprofile.inference import forward_kernels, recursions
 from trackprofile.inference.bay_kernels import COLUMNS, spline_weights
 from trackprofile.inference.ride import Ride
 from trackprofile.spectrum import MarkovProfile, Spectrum, markov
@@ -51,7 +51,8 @@ class Start:
 class Filter:
     """A ride with its gains: all of the smoother that does not depend on the data.
 
-    ``variance`` (rows,) of the measurement rows, ``gains`` (rows, n + ring), ``innovation_variance`` (rows,), ``knot_covariance`` (bays, n + ring),
+    ``variance`` (rows,) of the measurement rows, ``gains`` (rows, n + ring), ``innovation_variance``
+    (rows,), ``knot_covariance`` (bays, n + ring),
     ``last_covariance`` (n + ring, n + ring).
     """
 
@@ -67,7 +68,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Posterior means: ``elevation`` (knots, signals) in m, ``residual`` (rows, signals), ``log_likelihood`` (signals,)."""
+    """Posterior means: ``elevation`` (knots, signals) in m, ``residual`` (rows, signals); ``log_likelihood``."""
 
     elevation: Array
     residual: Array
@@ -147,7 +148,9 @@ def knot_variance(prepared: Filter) -> Array:
         prepared.gains, prepared.innovation_variance, prepared.knot_covariance, result,
     )  # fmt: skip
     window = _window(ride)
-    return np.concatenate([result, np.einsum("ki,ij,kj->k", window, prepared.last_covariance, window)])
+    return np.concatenate(
+        [result, np.einsum("ki,ij,kj->k", window, prepared.last_covariance, window)]
+    )
 
 
 def prior_draws(
@@ -160,7 +163,7 @@ def prior_draws(
     entering = np.sqrt(process.innovation) * generator.standard_normal((bays, count))
     shaking = generator.standard_normal((bays, ride.Q.shape[1], count))
     signals, knots = np.empty((len(ride.rows), count)), np.empty((bays, count))
-    recursions.simulated(
+    forward_kernels.simulated(
         states, process.a1, process.a2, entering, shaking, ride.F, ride.G, ride.Q, ride.slots, ride.rows,
         ride.first_row, ride.newest, signals, knots,
     )  # fmt: skip

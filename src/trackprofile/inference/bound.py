@@ -1,0 +1,70 @@
+"""limit: the least error that any estimator can reach, from the posterior's spectrum (theory, section 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackprofile.bands import BANDS, Band
+from trackprofile.errors import ModelError
+from trackprofile.sensor import Sensor
+from trackprofile.spectrum import Spectrum
+from trackprofile.statespace import state_space, transfer_function
+from trackprofile.track import Track
+from trackprofile.vehicle import Vehicle
+
+FREQUENCIES = 2000
+"""Spatial frequencies per band over which the posterior's spectrum is integrated."""
+
+
+def limit(
+    vehicle: Vehicle,
+    track: Track,
+    sensors: Sequence[Sensor],
+    speed: float,
+    prior: Spectrum,
+    bands: Sequence[Band] = BANDS,
+) -> dict[str, float]:
+    """Least possible root-mean-square error of the profile in each band, m.
+
+    1/S_post(Ω) = 1/S_prior(Ω) + Σ |H(Ω, v)|² / S_noise, integrated over the band, with S_noise = N² v/(2π) per
+    rad/m of a sensor with the one-sided noise density N per √Hz (theory, section 8).
+
+    Parameters
+    ----------
+    vehicle, track : the model, taken to be exact
+    sensors : at least one, each with its noise_density
+    speed : m/s
+    prior : spectrum of the profile
+    bands : wavelengths, with sharp limits
+
+    Raises
+    ------
+    ModelError
+        Where a noise density or a positive speed is missing.
+
+    Examples
+    --------
+    >>> from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+    >>> velaro, _ = read_vehicle("velaro")
+    >>> least = limit(velaro, read_track("rigid"), read_sensors("bogie-25ug"), 150 / 3.6, read_spectrum("fra-6"))
+    >>> {band: round(1e3 * error, 4) for band, error in least.items()}  # mm
+    {'D1': 0.0023, 'D2': 0.0073, 'D3': 0.0361}
+    """
+    if not speed > 0:
+        raise ModelError(
+            f"The limit is that of a running train: the speed must be above 0 m/s, got {speed:g}."
+        )
+    densities = [sensor.noise_density for sensor in sensors]
+    if not densities or None in densities:
+        raise ModelError("The limit needs at least one sensor, and the noise_density of each.")
+    noise = np.square(np.array(densities, dtype=np.float64)) * speed / (2 * np.pi)
+    system = state_space(vehicle, track, sensors)
+    errors = {}
+    for band in bands:
+        omega = np.linspace(2 * np.pi / band.longest, 2 * np.pi / band.shortest, FREQUENCIES)
+        gained = np.sum(np.abs(transfer_function(system, omega, speed)) ** 2 / noise, axis=1)
+        posterior = 1.0 / (1.0 / prior.density(omega) + gained)
+        errors[band.name] = float(np.sqrt(np.trapezoid(posterior, omega)))
+    return errors
