@@ -78,8 +78,14 @@ def test_a_train_may_stand_where_time_tells_for_how_long() -> None:
     metres = np.array([0.0, 5.0, 5.0, 5.0, 10.0])
     recording = build_recording([floor()], time=RAMP, distance=metres, speed=stop)
     assert validate_recording(recording) is recording
-    with pytest.raises(RowError, match=r"speed, data row 2: .*how long the train stood"):
+    with pytest.raises(RowError, match=r"speed, data row 2: .*how long it stood"):
         build_recording([floor()], distance=RAMP, speed=stop)
+
+
+def test_a_train_may_creep_below_the_step_in_which_its_speed_was_recorded() -> None:
+    creep = np.array([3.0, 2.0, 0.0, 1.0, 2.0]) / 3.6
+    recording = build_recording([floor()], distance=0.25 * np.arange(5), speed=creep)
+    assert recording["speed"].to_numpy()[2] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
+from trackprofile.bands import resample
 from trackprofile.errors import DataError
 from trackprofile.inference import forward_kernels
 from trackprofile.inference.bay_kernels import COLUMNS
@@ -43,9 +44,9 @@ class KnownProfile:
             )
         first = int(np.ceil(distance[0] / KNOT_SPACING))
         last = int(np.floor(distance[-1] / KNOT_SPACING))
-        at_knots = np.interp(np.arange(first, last + 1) * KNOT_SPACING, distance, elevation)
+        at_knots = resample(distance, elevation, np.arange(first, last + 1) * KNOT_SPACING)
         return KnownProfile(
-            _spline_through(at_knots), first - 1, float(distance[0]), float(distance[-1])
+            _spline_through(at_knots), first, float(distance[0]), float(distance[-1])
         )
 
     def covered(self, data: Measured, vehicle: Vehicle, origin: float) -> Measured:

@@ -1,0 +1,83 @@
+"""The train's motion from what was recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trackprofile.errors import DataError
+from trackprofile.motion import motion, recorded_step, speed_over_distance, speed_over_time
+
+
+def run(seconds: float = 120.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, distance and speed of a train that brakes and speeds up again."""
+    time = np.arange(0.0, seconds, 0.02)
+    speed = 15.0 + 4.0 * np.cos(2 * np.pi * time / 80.0)
+    return time, np.concatenate([[0.0], np.cumsum(0.02 * 0.5 * (speed[1:] + speed[:-1]))]), speed
+
+
+def dataset(**variables: np.ndarray) -> xr.Dataset:
+    return xr.Dataset({name: ("sample", values) for name, values in variables.items()})
+
+
+def test_whole_km_h_are_smoothed_towards_the_true_speed() -> None:
+    time, distance, speed = run()
+    steps = np.round(3.6 * speed) / 3.6
+    raw = np.std(steps - speed)
+    assert np.std(speed_over_time(steps, time) - speed) < raw / 2
+    places = np.arange(0.0, distance[-1], 0.25)
+    true = np.interp(places, distance, speed)
+    coarse = np.round(3.6 * true) / 3.6
+    assert np.std(speed_over_distance(coarse, places) - true) < raw / 2
+
+
+def test_continuous_speed_is_left_as_it_is() -> None:
+    time, distance, speed = run()
+    found = motion(dataset(time=time, speed=speed))
+    np.testing.assert_array_equal(found.speed, speed)
+    np.testing.assert_allclose(found.distance, distance, rtol=1e-12)
+
+
+def test_distance_and_speed_give_the_time_that_passed() -> None:
+    time, distance, speed = run()
+    found = motion(dataset(distance=distance, speed=speed))
+    np.testing.assert_allclose(found.time, time, atol=1e-3)
+
+
+def test_time_and_distance_give_the_speed() -> None:
+    time, distance, speed = run()
+    found = motion(dataset(time=time, distance=distance))
+    np.testing.assert_allclose(found.speed[5:-5], speed[5:-5], rtol=1e-3)
+
+
+def test_train_that_stops_stays_where_it_is() -> None:
+    time = np.arange(0.0, 60.0, 0.1)
+    speed = np.clip(np.abs(time - 30.0) - 10.0, 0.0, None)
+    found = motion(dataset(time=time, speed=speed))
+    standing = np.abs(time - 30.0) < 9.0
+    assert np.ptp(found.distance[standing]) == 0.0
+    assert np.all(np.diff(found.distance) >= 0)
+    assert np.all(np.isfinite(found.acceleration))
+
+
+@given(st.floats(-1e4, 1e4))
+def test_motion_does_not_depend_on_where_distance_counts_from(shift: float) -> None:
+    _, distance, speed = run(20.0)
+    steps = np.round(speed, 1)
+    here, there = (motion(dataset(distance=distance + by, speed=steps)) for by in (0.0, shift))
+    np.testing.assert_allclose(there.time, here.time, atol=1e-6)
+    np.testing.assert_allclose(there.speed, here.speed, atol=1e-6)
+
+
+def test_recorded_step_is_found_and_continuous_values_have_none() -> None:
+    generator = np.random.default_rng(0)
+    assert recorded_step(np.round(generator.normal(size=500), 1)) == pytest.approx(0.1)
+    assert recorded_step(generator.normal(size=500)) == 0.0
+
+
+def test_distance_alone_is_refused() -> None:
+    with pytest.raises(DataError, match="add a second one"):
+        motion(dataset(distance=np.arange(5.0)))
