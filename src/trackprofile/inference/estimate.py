@@ -136,7 +136,7 @@ def estimate(
     place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
     run = data.motion.distance + found.origin
     inside = slice(*np.searchsorted(place, [run[0], run[-1] + 1e-9]))
-    bands, skipped = _band_spreads(errors, ride.spacing)
+    bands, skipped = band_spreads(errors, ride.spacing)
     profile = build_profile(
         place[inside],
         smoothed.elevation[inside, 0],
@@ -160,7 +160,7 @@ def estimate(
     )
 
 
-def _band_spreads(errors: Array, spacing: float) -> tuple[dict[str, Array], tuple[str, ...]]:
+def band_spreads(errors: Array, spacing: float) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Standard deviation of the error in each band along the track, from draws (knots, draws)."""
     length = (len(errors) - 1) * spacing
     spreads, notes = {}, []
