@@ -52,15 +52,14 @@ def decimals(value: float) -> int:
     return len(str(value).partition(".")[2])
 
 
-def test_without_the_gyro_short_waves_are_lost_at_twice_the_wheelbase() -> None:
-    velaro, prior = read_vehicle("velaro")[0], read_spectrum("fra-5")
+def test_without_the_gyro_waves_of_twice_the_wheelbase_are_lost() -> None:
+    velaro, prior = read_vehicle("velaro")[0], read_spectrum("fra-4")
     both = read_sensors("bogie-25ug")
-    for speed in (8.0, 20.0, SPEED):
-        with_gyro, without = (
-            limit(velaro, RIGID, sensors, speed, prior)["D1"] for sensors in (both, both[:1])
-        )
-        # Literature: 10 to 18 times, rounded to whole numbers.
-        assert 9.5 <= without / with_gyro <= 18.5
+    with_gyro, without = (
+        limit(velaro, RIGID, sensors, SPEED, prior)["D1"] for sensors in (both, both[:1])
+    )
+    # Literature: 10 to 18 times worse; on rough track with good sensors the least of that.
+    assert without / with_gyro == pytest.approx(10.0, rel=0.05)
 
 
 def test_limit_needs_a_running_train_and_known_noise() -> None:
