@@ -14,7 +14,7 @@ settings.load_profile("same every time")
 SHARED = Path(__file__).parents[2] / "shared"
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def shared() -> Callable[[str], Path]:
     """Finds a file that stands beside the project, such as ``data/hokuriku/section_a.csv``."""
 

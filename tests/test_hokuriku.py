@@ -1,0 +1,87 @@
+"""The main job on what a real train measured; skipped where the recording is not beside the project.
+
+Calibrated on rows 300-4300 (75-1075 m), judged on rows 5600-8400 (1400-2100 m).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from trackprofile.comparison import Comparison, compare
+from trackprofile.contracts import between, build_profile
+from trackprofile.inference.calibration import Calibration, calibrate
+from trackprofile.inference.estimate import infer
+from trackprofile.io import read
+from trackprofile.io.model_toml import read_vehicle
+from trackprofile.io.table import read_columns
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "hokuriku"
+JUDGED = {"from_m": 1400.0, "to_m": 2100.0}
+
+
+@pytest.fixture(scope="module")
+def folder(shared: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example's recording description beside the real data."""
+    place = tmp_path_factory.mktemp("hokuriku")
+    (place / "section_a.csv").symlink_to(shared("data/hokuriku/section_a.csv").resolve())
+    (place / "recording.toml").write_text((EXAMPLE / "recording.toml").read_text())
+    return place
+
+
+@pytest.fixture(scope="module")
+def level(folder: Path):
+    table = read_columns(
+        folder / "section_a.csv", ["distance_m", "level_rail1_mm", "level_rail2_mm"]
+    )
+    mean = 0.5e-3 * (table["level_rail1_mm"] + table["level_rail2_mm"])
+    return build_profile(table["distance_m"], mean, kind="truth", loading="loaded")
+
+
+@pytest.fixture(scope="module")
+def calibration(folder: Path, level) -> Calibration:
+    recording = between(read(folder / "recording.toml"), 75.0, 1075.0)
+    return calibrate(
+        recording, between(level, 75.0, 1075.0), read_vehicle(str(EXAMPLE / "vehicle.toml"))[0]
+    )
+
+
+@pytest.fixture(scope="module")
+def judged(folder: Path, level, calibration: Calibration) -> dict[int, Comparison]:
+    """By passes of the band filter; the profile is inferred beyond what was calibrated on."""
+    beyond = between(read(folder / "recording.toml"), 1080.0, None)
+    profile = infer(beyond, calibration.vehicle, installation=calibration.installation)
+    return {passes: compare(profile, level, passes=passes, **JUDGED) for passes in (1, 2)}
+
+
+def test_calibration_finds_a_plausible_car(calibration: Calibration) -> None:
+    found = {one.name: one for one in calibration.estimates}
+    # The independent fit in the recording's README: radius of gyration 5.8 m, sensor 6.9 m ahead.
+    radius = (found["body pitch inertia"].value / 25_000.0) ** 0.5
+    assert radius == pytest.approx(5.8, abs=0.5)
+    assert found["position of body_vertical_acceleration_m_s2"].value == pytest.approx(6.9, abs=0.5)
+    assert all(
+        one.standard_error < one.value for one in calibration.estimates if one.name != "origin"
+    )
+    assert any(note.startswith("body mass is held") for note in calibration.notes)
+
+
+def test_level_of_track_that_the_fit_never_saw_is_recovered(judged: dict[int, Comparison]) -> None:
+    # The bounds that an independent prototype reached, with its own filter (forwards and backwards).
+    d1, d2 = judged[2].bands["D1"], judged[2].bands["D2"]
+    assert d1 is not None
+    assert d2 is not None
+    assert d1.correlation >= 0.92
+    assert d1.rms_error_mm <= 0.44
+    assert d2.correlation >= 0.98
+    assert d2.rms_error_mm <= 0.36
+
+
+def test_stated_intervals_hold_on_real_track(judged: dict[int, Comparison]) -> None:
+    for name in ("D1", "D2"):
+        band = judged[1].bands[name]
+        assert band is not None
+        assert band.coverage_95 is not None
+        assert 0.85 <= band.coverage_95 <= 0.99
