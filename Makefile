@@ -17,7 +17,7 @@ test: $(READY) ## style, types, and all tests but those of acceptance
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
-	$(BIN)/pytest -q
+	$(BIN)/pytest -q -rs
 
 bench: $(READY) ## the figures of speed that the README quotes
 	$(BIN)/trackprofile bench

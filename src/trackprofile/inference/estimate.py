@@ -47,7 +47,7 @@ class Estimate:
     Parameters
     ----------
     profile : the profile contract
-    reproduced : by channel, (samples,), the signal that the profile explains; NaN where invalid
+    reproduced : by channel, (samples,), what profile, offset and unmodelled acceleration explain; NaN where invalid
     sample_distance : (samples,), m, where the leading wheel stood
     model : with the noise and prior that were used
     notes : what was found or assumed, in sentences
