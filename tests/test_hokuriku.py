@@ -79,7 +79,7 @@ def test_level_of_track_that_the_fit_never_saw_is_recovered(judged: dict[int, Co
 
 
 @pytest.mark.xfail(
-    strict=True, reason="0.915 reached: waves of 3 to 4.5 m, where this car's body bends"
+    strict=True, reason="0.916 reached: waves of 3 to 6 m, which this body hardly feels"
 )
 def test_short_waves_correlate_with_the_level_as_well_as_the_prototypes_did(
     judged: dict[int, Comparison],

@@ -24,8 +24,9 @@ from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, disp
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-UNMODELLED_BANDWIDTH = 10.0
-"""Hz up to which unmodelled accelerations are white: about where car bodies stop to be rigid."""
+UNMODELLED_BANDWIDTH = 5.0
+"""Hz up to which unmodelled accelerations are white: below the bending of car bodies, and far enough below half
+the rate of usual recordings that sampling folds none of it back onto the long waves."""
 
 POLES = 2
 """Poles of their low-pass: with one alone, what a sampled signal folds back would hide the long waves."""
