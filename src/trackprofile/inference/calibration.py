@@ -152,24 +152,22 @@ def calibrate(
     progress("finding the origin", 0.0)
     beginning = _with_best_origin(data, known, start, every)
     free, notes = _told(data, known, beginning, every, asked=parameters is not None)
-    fitted, free, found = _fit_mechanics(
-        data, known, beginning, free, parameters is not None, notes, progress
-    )
-    complete = _fit_noise(
-        data,
-        known,
-        replace(fitted, unmodelled=_unmodelled_start(data, fitted, installation)),
-        progress,
-    )
+    asked = parameters is not None
+    fitted, free, found = _fit_mechanics(data, known, beginning, free, asked, notes, progress)
+    noisy = replace(fitted, unmodelled=_unmodelled_start(data, fitted, installation))
+    complete = _fit_noise(data, known, noisy, progress)
     if not found.converged:
         notes.append(
-            "the fit did not converge: its likelihood is flat or rough; add data or hold parameters"
+            "the fit did not converge: its likelihood is flat or rough; hold some parameters"
         )
-    rows_per_metre = sum(
-        len(one.motion.distance) / np.ptp(one.motion.distance) for one in data
-    ) / len(data)
-    covariance = found.covariance(memory=round(MEMORY * rows_per_metre * len(start.sensors)))
+    covariance = found.covariance(memory=_rows_within(MEMORY, data))
     return _calibration(start, complete, free, found, covariance, installation, tuple(notes))
+
+
+def _rows_within(length: float, data: list[Measured]) -> int:
+    """Measurement rows per ``length`` m, on average over the recordings."""
+    run = sum(float(np.ptp(one.motion.distance)) for one in data)
+    return round(length * sum(one.signals.size for one in data) / run)
 
 
 def _started(
