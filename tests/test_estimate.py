@@ -15,6 +15,7 @@ from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.estimate import estimate, infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.motion import motion
+from trackprofile.sensor import Installation
 
 VELARO = read_vehicle("velaro")[0]
 RIGID = read_track("rigid")
@@ -155,3 +156,31 @@ def test_recording_that_does_not_fit_the_vehicle_is_refused(
     roof = [replace(channels(recording)[0], body="roof")]
     with pytest.raises(ModelError, match="stands on 'roof'"):
         infer(rebuilt(recording, channels=roof), VELARO)
+
+
+def test_drift_of_a_sensor_is_told_from_long_waves_and_widens_their_intervals(
+    made: tuple[xr.Dataset, xr.Dataset],
+) -> None:
+    recording, truth = made
+    acceleration = channels(recording)[0]
+    interval = np.diff(recording["time"].to_numpy(), prepend=recording["time"].to_numpy()[0])
+    walk = 0.1 * np.sqrt(interval) * np.random.default_rng(3).standard_normal(len(interval))
+    drifting = replace(acceleration, values=acceleration.values + np.cumsum(walk))
+    disturbed = rebuilt(recording, channels=[drifting])
+    results = []
+    for drift in (None, 0.1):
+        sensors = [replace(read_sensors("bogie-25ug")[0], drift=drift)]
+        profile = infer(
+            disturbed,
+            VELARO,
+            installation=Installation(sensors=tuple(sensors)),
+            prior=read_spectrum("german-low"),
+        )
+        band = compare(profile, truth, from_m=100.0, to_m=500.0).bands["D2"]
+        assert band is not None
+        assert band.stated_rms_mm is not None
+        results.append((band.rms_error_mm, band.stated_rms_mm))
+    (error_without, stated_without), (error, stated) = results
+    assert error < 0.5 * error_without
+    assert error_without > 5 * stated_without
+    assert 0.5 < error / stated < 2.0

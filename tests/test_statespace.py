@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.signal import butter, freqs
 
 from trackprofile.errors import ModelError
 from trackprofile.inference.bay_kernels import _evaluate
@@ -119,18 +120,35 @@ def test_tabulated_noise_is_the_integral_over_the_step() -> None:
     np.testing.assert_allclose(found[:n, :n] / scale, exact / scale, atol=1e-9)
 
 
-def test_unmodelled_acceleration_has_the_stated_density() -> None:
+def test_unmodelled_acceleration_has_the_stated_deviation_about_the_bounce() -> None:
     one = state_space(
         read_vehicle("quarter-car")[0],
         RigidTrack(),
         [Sensor("a", VERTICAL_ACCELERATION, "body")],
         0.02,
     )
-    w = 2 * np.pi * 0.1  # far below its bandwidth
-    states = np.linalg.solve(1j * w * np.eye(len(one.A)) - one.A, one.disturbance)
-    driving = 2 * len(one.freedoms) + 1
-    one_sided = 2 * np.abs(states[driving, 0]) ** 2
-    assert one_sided == pytest.approx(0.02**2, rel=0.01)
+    driven = 2 * len(one.freedoms) + 1
+    inner = slice(2 * len(one.freedoms), driven + 1)
+    A, pushed = one.A[inner, inner], one.disturbance[inner]
+    stationary = solve_continuous_lyapunov(A, -pushed @ pushed.T)
+    np.testing.assert_allclose(stationary, 0.02**2 * np.eye(2), atol=1e-18)
+    bounce = np.abs(np.linalg.eigvals(one.A[: driven - 1, : driven - 1])).min()
+    assert np.abs(np.linalg.eigvals(A))[0] == pytest.approx(bounce, rel=1e-9)
+
+
+def test_sensor_with_a_bandwidth_reads_behind_a_butterworth_low_pass() -> None:
+    velaro = read_vehicle("velaro")[0]
+    on_wheel = Sensor("axle box", VERTICAL_ACCELERATION, "wheel 2")
+    sensors, speed = [*ON_BOGIE, on_wheel], 25.0
+    behind = [replace(one, bandwidth=10.0 + i) for i, one in enumerate(sensors)]
+    exact, passed = (
+        transfer_function(state_space(velaro, RigidTrack(), ones), OMEGA, speed)
+        for ones in (sensors, behind)
+    )
+    for i, one in enumerate(behind):
+        b, a = butter(2, 2 * np.pi * one.bandwidth, analog=True)
+        _, low_pass = freqs(b, a, OMEGA * speed)
+        np.testing.assert_allclose(passed[:, i], low_pass * exact[:, i], rtol=1e-9)
 
 
 def test_sensors_that_the_vehicle_cannot_carry_are_refused() -> None:

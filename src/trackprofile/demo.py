@@ -170,9 +170,7 @@ def _motion(time: Array) -> tuple[Array, Array, Array]:
 
 def _response(system: StateSpace, time: Array, paths: tuple[Array, Array, Array]) -> Array:
     """What the sensors feel of the paths and their two time derivatives (steps, sensors)."""
-    wheels = paths[0].shape[1]
-    B = np.concatenate([system.B.reshape(len(system.A), -1), np.zeros((len(system.A), wheels))], 1)
-    D = system.D.reshape(len(system.D), -1)
+    B, D = (matrix.reshape(len(matrix), -1) for matrix in (system.B, system.D))
     _, signals, _ = lsim((system.A, B, system.C, D), np.concatenate(paths, axis=1), time - time[0])
     return signals.reshape(len(time), -1)  # lsim drops the dimension of a lone sensor
 

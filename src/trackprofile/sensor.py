@@ -27,7 +27,9 @@ class Sensor:
     position : m ahead of that body's centre
     noise_density : one-sided, in m/s²/√Hz or rad/s/√Hz; None where it is not known
     bandwidth : Hz, where the sensor's own filter cuts off; None: the sampling sets it
-    offset : standard deviation of the unknown constant offset, m/s² or rad/s; None: a usual one
+    offset : standard deviation of the unknown offset at the start, m/s² or rad/s; None: a usual one
+    drift : of that offset, a random walk, m/s² or rad/s per √s; its noise exceeds the white one below
+        drift/(√2 π noise_density) Hz. None: the offset is constant
 
     Examples
     --------
@@ -42,6 +44,7 @@ class Sensor:
     noise_density: float | None = None
     bandwidth: float | None = None
     offset: float | None = None
+    drift: float | None = None
 
     def __post_init__(self) -> None:
         if self.quantity not in UNITS:
@@ -52,6 +55,9 @@ class Sensor:
             raise ModelError(f"sensor {self.name!r} needs a noise density above 0 or none at all")
         if self.bandwidth is not None and not self.bandwidth > 0:
             raise ModelError(f"sensor {self.name!r} needs a bandwidth above 0 Hz or none at all")
+
+        if self.drift is not None and not self.drift >= 0:
+            raise ModelError(f"sensor {self.name!r} needs a drift of at least 0 or none at all")
 
     @property
     def offset_standard_deviation(self) -> float:

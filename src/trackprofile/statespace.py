@@ -1,16 +1,16 @@
 """The vehicle on its wheels' paths as a linear system, discretised exactly for any step.
 
-    ẋ = A x + B [z; ż],    y = C x + D [z; ż; z̈],    z_i(t) = r(s(t) - d_i)
+    ẋ = A x + B [z; ż; z̈],    y = C x + D [z; ż; z̈],    z_i(t) = r(s(t) - d_i)
 
-x = [q; q̇; w; offsets]: the free degrees of freedom, the unmodelled accelerations of the first body, and the
-sensors' constant offsets; z_i is the path of wheel i. The smoother and the calibration run on it; the full
-coupled model is written apart, so that each checks the other.
+x = [q; q̇; w; l; offsets]: the free degrees of freedom, the unmodelled accelerations of the first body, the
+low-passes of sensors with a bandwidth, and the sensors' offsets; z_i is the path of wheel i. The
+smoother and the calibration run on it; the full coupled model is written apart, so that each checks the other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,11 @@ from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, disp
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-UNMODELLED_BANDWIDTH = 5.0
-"""Hz up to which unmodelled accelerations are white: below the bending of car bodies, and far enough below half
-the rate of usual recordings that sampling folds none of it back onto the long waves."""
+UNMODELLED_DAMPING = 0.2
+"""Damping ratio of the filter that shapes unmodelled accelerations about the body's own frequencies."""
 
-POLES = 2
-"""Poles of their low-pass: with one alone, what a sampled signal folds back would hide the long waves."""
+FILTER_STATES = 2
+"""States of a second-order filter: of each freedom's unmodelled acceleration, and of each sensor's own."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +38,9 @@ class StateSpace:
     Parameters
     ----------
     freedoms : the f free degrees of freedom, (part, motion)
-    A : (n, n), n = 2 f + u + sensors; states are q (m, rad), q̇ (m/s, rad/s), those of the unmodelled
-        accelerations (m/s², rad/s²) and the offsets (sensor's unit)
-    B : (n, 2, wheels), for z in m and ż in m/s
+    A : (n, n), n = 2 f + u + l + sensors; states are q (m, rad), q̇ (m/s, rad/s), those of the unmodelled
+        accelerations (m/s², rad/s²), of the low-passes and the offsets (sensor's unit)
+    B : (n, 3, wheels), for z in m, ż in m/s and z̈ in m/s²
     C : (sensors, n); D : (sensors, 3, wheels), for z, ż and z̈
     disturbance : (n, kinds), multiplies independent white noises of unit intensity; no columns where the model
         is taken to be exact
@@ -63,9 +62,10 @@ def state_space(
     """The linear system of a vehicle on a rigid path or on per-wheel springs.
 
     On a :class:`RigidTrack` the wheels are their paths; on an :class:`ElasticTrack` each wheel is a degree of
-    freedom pushed by k_t (z - w) + c_t (ż - ẇ) (theory, section 7). ``unmodelled`` is the one-sided density,
-    m/s²/√Hz, of what a rigid, linear car leaves out (bending, roll, friction): random accelerations of the
-    first body's heave, and of its pitch as much as makes the same at the radius of gyration √(I/m).
+    freedom pushed by k_t (z - w) + c_t (ż - ẇ) (theory, section 7). ``unmodelled`` is the standard deviation,
+    m/s², of what a rigid, linear car leaves out: random accelerations of the first body's heave, and of its pitch
+    as much as makes the same at the radius of gyration √(I/m). Friction, play and progressive springs act with
+    the stroke of the suspension, so each is strongest about the frequency of the mode in which its freedom moves.
 
     Raises
     ------
@@ -77,13 +77,12 @@ def state_space(
     free, K, Cd, push = _supported(vehicle, track, full, wheels)
     freedoms = tuple(full.degrees_of_freedom[i] for i in free)
     shaken = _shaken(vehicle, freedoms) if unmodelled > 0.0 else []
-    f, u = len(free), POLES * len(shaken)
-    n = 2 * f + u + len(sensors)
-    A, B = np.zeros((n, n)), np.zeros((n, 2, len(wheels)))
+    f, n = len(free), 2 * len(free) + FILTER_STATES * len(shaken)
+    A, B = np.zeros((n, n)), np.zeros((n, 3, len(wheels)))
     A[:f, f : 2 * f] = np.eye(f)
     inertia = np.diag(full.mass)[free]
     A[f : 2 * f, :f], A[f : 2 * f, f : 2 * f] = -K / inertia[:, None], -Cd / inertia[:, None]
-    B[f : 2 * f] = push / inertia[:, None, None]
+    B[f : 2 * f, :2] = push / inertia[:, None, None]
     disturbance = _shake(A, shaken, f, unmodelled)
     C, D = np.zeros((len(sensors), n)), np.zeros((len(sensors), 3, len(wheels)))
     for row, sensor in enumerate(sensors):
@@ -91,21 +90,21 @@ def state_space(
         if sensor.quantity == PITCH_RATE:
             C[row, f : 2 * f] = weights[free]
         else:
-            C[row], D[row, :2] = (
+            C[row], D[row] = (
                 weights[free] @ A[f : 2 * f],
                 np.einsum("i,ijk", weights[free], B[f : 2 * f]),
             )
             if isinstance(track, RigidTrack):
                 D[row, 2] = weights[wheels]
-        C[row, 2 * f + u + row] = 1.0
     positions = np.array([wheel.position for wheel in vehicle.wheels])
-    return StateSpace(freedoms, A, B, C, D, disturbance, positions)
+    exact = StateSpace(freedoms, A, B, C, D, disturbance, positions)
+    return _with_offsets(_low_passed(exact, sensors))
 
 
 def transfer_function(system: StateSpace, spatial_frequency: Array, speed: float) -> ComplexArray:
     """Response of each sensor to a unit cosine of the profile under the leading wheel.
 
-    H(Ω) = C (iω - A)⁻¹ B [1; iω] e^{-iΩd} + D [1; iω; -ω²] e^{-iΩd},  ω = Ω v.
+    H(Ω) = C (iω - A)⁻¹ B [1; iω; -ω²] e^{-iΩd} + D [1; iω; -ω²] e^{-iΩd},  ω = Ω v.
 
     Parameters
     ----------
@@ -129,7 +128,7 @@ def state_response(
     """States (m, n) per metre of a unit harmonic profile, and the paths' phases (m, wheels)."""
     omega = spatial_frequency * speed
     paths = np.exp(-1j * np.outer(spatial_frequency, system.wheel_positions))
-    derivatives = np.stack([np.ones_like(omega) + 0j, 1j * omega], axis=1)
+    derivatives = np.stack([np.ones_like(omega) + 0j, 1j * omega, -(omega**2) + 0j], axis=1)
     push = np.einsum("ndw,md,mw->mn", system.B, derivatives, paths)
     left = 1j * omega[:, None, None] * np.eye(len(system.A)) - system.A
     return np.asarray(np.linalg.solve(left, push[..., None])[..., 0], np.complex128), paths
@@ -148,9 +147,8 @@ def generator(system: StateSpace) -> Array:
     n, wheels = len(system.A), len(system.wheel_positions)
     matrix = np.zeros((n + 4 * wheels, n + 4 * wheels))
     matrix[:n, :n] = system.A
-    matrix[:n, n : n + wheels] = system.B[:, 0]
-    matrix[:n, n + wheels : n + 2 * wheels] = system.B[:, 1]
     for j in range(3):
+        matrix[:n, n + j * wheels : n + (j + 1) * wheels] = system.B[:, j]
         rows = slice(n + j * wheels, n + (j + 1) * wheels)
         matrix[rows, n + (j + 1) * wheels : n + (j + 2) * wheels] = np.eye(wheels)
     return matrix
@@ -264,6 +262,39 @@ def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
     return displacement_row(vehicle, freedoms, sensor.body, centre - sensor.position)
 
 
+def _low_passed(system: StateSpace, sensors: Sequence[Sensor]) -> StateSpace:
+    """Sensors with a bandwidth behind a Butterworth low-pass: l̇_1 = ω (y - l_2) - √2 ω l_1, l̇_2 = ω l_1."""
+    rates = [(i, 2 * np.pi * one.bandwidth) for i, one in enumerate(sensors) if one.bandwidth]
+    n, added = len(system.A), FILTER_STATES * len(rates)
+    A, B, C, D = (
+        np.pad(system.A, ((0, added), (0, added))),
+        np.pad(system.B, ((0, added), (0, 0), (0, 0))),
+        np.pad(system.C, ((0, 0), (0, added))),
+        system.D.copy(),
+    )
+    for place, (sensor, rate) in enumerate(rates):
+        first = n + FILTER_STATES * place
+        A[first, :n], B[first] = rate * system.C[sensor], rate * system.D[sensor]
+        A[first, first], A[first, first + 1] = -np.sqrt(2) * rate, -rate
+        A[first + 1, first] = rate
+        C[sensor], D[sensor] = 0.0, 0.0
+        C[sensor, first + 1] = 1.0
+    disturbance = np.pad(system.disturbance, ((0, added), (0, 0)))
+    return replace(system, A=A, B=B, C=C, D=D, disturbance=disturbance)
+
+
+def _with_offsets(system: StateSpace) -> StateSpace:
+    """One constant more for each sensor, added to what it reads."""
+    added = len(system.C)
+    return replace(
+        system,
+        A=np.pad(system.A, ((0, added), (0, added))),
+        B=np.pad(system.B, ((0, added), (0, 0), (0, 0))),
+        C=np.hstack([system.C, np.eye(added)]),
+        disturbance=np.pad(system.disturbance, ((0, added), (0, 0))),
+    )
+
+
 def _shaken(vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...]) -> list[tuple[int, float]]:
     """Freedoms of the first body that unmodelled accelerations act on, with their relative densities."""
     body = vehicle.bodies[0]
@@ -274,15 +305,23 @@ def _shaken(vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...]) -> list[tup
     return shaken
 
 
-def _shake(A: Array, shaken: list[tuple[int, float]], f: int, density: float) -> Array:
-    """Put low-passed accelerations into A, ẇ_1 = -ω w_1 + noise, ẇ_2 = ω (w_1 - w_2), q̈ += w_2; their input."""
-    rate = 2 * np.pi * UNMODELLED_BANDWIDTH
+def _shake(A: Array, shaken: list[tuple[int, float]], f: int, deviation: float) -> Array:
+    """Put the accelerations into A, ẇ_1 = -2ζω w_1 - ω w_2 + noise, ẇ_2 = ω w_1, q̈ += w_2; their input."""
+    frequencies = [_own_frequency(A[: 2 * f, : 2 * f], freedom) for freedom, _ in shaken]
     disturbance = np.zeros((len(A), len(shaken)))
-    for kind, (freedom, relative) in enumerate(shaken):
-        first = 2 * f + POLES * kind
-        A[first, first] = A[first + 1, first + 1] = -rate
-        A[first + 1, first] = rate
+    for kind, ((freedom, relative), rate) in enumerate(zip(shaken, frequencies, strict=True)):
+        first = 2 * f + FILTER_STATES * kind
+        A[first, first] = -2 * UNMODELLED_DAMPING * rate
+        A[first, first + 1], A[first + 1, first] = -rate, rate
         A[f + freedom, first + 1] = 1.0
-        # White noise of one-sided density N has the intensity N²/2.
-        disturbance[first, kind] = rate * relative * density / np.sqrt(2)
+        # White noise of intensity 4ζω σ² gives both states the standard deviation σ.
+        disturbance[first, kind] = relative * deviation * np.sqrt(4 * UNMODELLED_DAMPING * rate)
     return disturbance
+
+
+def _own_frequency(A: Array, freedom: int) -> float:
+    """|λ|, rad/s, of the mode in which a freedom has the largest share."""
+    eigenvalues, modes = np.linalg.eig(A)
+    displacements = modes[: len(A) // 2]
+    shares = np.abs(displacements[freedom]) / np.linalg.norm(displacements, axis=0)
+    return float(np.abs(eigenvalues[np.argmax(shares)]))

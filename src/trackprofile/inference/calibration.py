@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from trackprofile.errors import UndeterminedError
+from trackprofile.inference.evidence import innovations_given, innovations_of
 from trackprofile.inference.known import SEARCHED_ORIGINS, KnownProfile
 from trackprofile.inference.likelihood import (
     Maximum,
@@ -21,16 +23,12 @@ from trackprofile.inference.likelihood import (
 )
 from trackprofile.inference.measured import (
     KNOT_SPACING,
+    USUAL,
     Measured,
     Model,
     measured,
-    prepared_filter,
-    ride_of,
-    row_signals,
     shaken_channel,
-    start_of,
 )
-from trackprofile.inference.noise import USUAL
 from trackprofile.inference.parameters import (
     ORIGIN,
     Parameter,
@@ -39,7 +37,6 @@ from trackprofile.inference.parameters import (
     noise_parameters,
     value_of,
 )
-from trackprofile.inference.smoother import innovations
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import scaled
 from trackprofile.track import RigidTrack, Track
@@ -49,6 +46,9 @@ Array = NDArray[np.float64]
 
 MEMORY = 20.0
 """m over which residuals hang together: a few periods of the body's bounce."""
+
+FIRST_MOVE = 0.5
+"""Of each logarithm of a noise, with which its search begins."""
 
 LITTLE, NOTHING = 1.0, 0.01
 """Information of a direction, in units of the prior's: less than the prior's own; next to none."""
@@ -120,7 +120,8 @@ def calibrate(
 
     First the vehicle and the sensors' places, by least squares on the signals: what a rigid, linear car leaves
     out is strongest where the signals are, and must not be explained away by colouring the residual. Then, with
-    those held, the noise of the sensors and the unmodelled acceleration, by maximum likelihood of the residual.
+    those held, the noise of the sensors and the unmodelled acceleration: as makes the reference most probable,
+    given the signals.
     Each parameter has a prior about its start (log-normal where it is positive); the standard errors allow for
     residuals that hang together over ``MEMORY`` m.
 
@@ -154,8 +155,7 @@ def calibrate(
     free, notes = _told(data, known, beginning, every, asked=parameters is not None)
     asked = parameters is not None
     fitted, free, found = _fit_mechanics(data, known, beginning, free, asked, notes, progress)
-    noisy = replace(fitted, unmodelled=_unmodelled_start(data, fitted, installation))
-    complete = _fit_noise(data, known, noisy, progress)
+    complete = _fit_noise(data, known, _noisy(data, fitted, installation), progress)
     if not found.converged:
         notes.append(
             "the fit did not converge: its likelihood is flat or rough; hold some parameters"
@@ -183,23 +183,12 @@ def _started(
     return Model(vehicle, track, tuple(sensors), installation.origin, 0.0, exact)
 
 
-def _unmodelled_start(data: list[Measured], model: Model, installation: Installation) -> float:
+def _noisy(data: list[Measured], model: Model, installation: Installation) -> Model:
+    """Where the search for the noise starts: drift with a corner at 0.2 Hz, a tenth of the signal unmodelled."""
+    drifting = tuple(replace(one, drift=one.drift or one.noise_density) for one in model.sensors)
     on_body = shaken_channel(model.vehicle, data[0].sensors) is not None
-    return (installation.unmodelled or 0.1) if on_body else 0.0
-
-
-def _innovations(data: list[Measured], known: KnownProfile, model: Model) -> tuple[Array, Array]:
-    """Innovations and their variances of all recordings, given the reference."""
-    parts = []
-    for one in data:
-        system, ride = ride_of(one, model)
-        start = start_of(one, replace(model, spectrum=USUAL), system, ride)
-        signals = row_signals(one, ride) - known.response(ride, start)
-        share = model.spectrum.amplitude / USUAL.amplitude
-        around = replace(start, coefficients=share * start.coefficients)
-        prepared = prepared_filter(one, model, ride, around)
-        parts.append((innovations(prepared, signals)[:, 0], prepared.innovation_variance))
-    return np.concatenate([e for e, _ in parts]), np.concatenate([S for _, S in parts])
+    unmodelled = (installation.unmodelled or 0.1) if on_body else 0.0
+    return replace(model, sensors=drifting, unmodelled=unmodelled)
 
 
 def _with_best_origin(
@@ -211,14 +200,14 @@ def _with_best_origin(
     # Off the knots: where all samples of a distance-sampled recording lie on knots, round-off decides their bays.
     shifts = np.arange(-SEARCHED_ORIGINS, SEARCHED_ORIGINS, 1.0) + 0.45 * KNOT_SPACING
     trials = [replace(start, origin=start.origin + shift) for shift in shifts]
-    heights = [log_likelihood(*_innovations(data, known, trial)) for trial in trials]
+    heights = [log_likelihood(*innovations_given(data, known, trial)) for trial in trials]
     return trials[int(np.argmax(heights))]
 
 
 def _function_of(
     data: list[Measured], known: KnownProfile, start: Model, free: list[Parameter]
 ) -> Callable[[Array], tuple[Array, Array]]:
-    return lambda at: _innovations(data, known, changed(start, free, at))
+    return lambda at: innovations_given(data, known, changed(start, free, at))
 
 
 def _fitted(
@@ -262,12 +251,29 @@ def _fit_mechanics(
 def _fit_noise(
     data: list[Measured], known: KnownProfile, model: Model, progress: Progress
 ) -> Model:
-    """The noise that explains what the fitted vehicle leaves, by maximum likelihood."""
+    """The noise under which the reference is most probable, given the signals.
+
+    log p(r|y) = log p(y|r) - log p(y) + log p(r), of which the last does not depend on the noise. Unlike
+    p(y|r) alone, the difference is not swayed by what in the signals tells nothing of the track.
+    """
     noise = noise_parameters(model)
-    found = _fitted(
-        data, known, model, model, noise, lambda share: progress("fitting the noise", share)
-    )
-    return changed(model, noise, found.parameters)
+    centre = np.array([value_of(model, one) for one in noise])
+    precision = np.array([one.spread**-2 for one in noise])
+
+    def improbability(at: Array) -> float:
+        trial = changed(model, noise, at)
+        given = log_likelihood(*innovations_given(data, known, trial))
+        free = log_likelihood(*innovations_of(data, replace(trial, spectrum=known.spectrum)))
+        return free - given + 0.5 * float(np.sum(precision * (at - centre) ** 2))
+
+    progress("fitting the noise", 0.0)
+    simplex = np.vstack([centre, centre + FIRST_MOVE * np.eye(len(centre))])
+    found = minimize(
+        improbability, centre, method="Nelder-Mead",
+        options={"xatol": 0.05, "fatol": 0.3, "initial_simplex": simplex},
+    )  # fmt: skip
+    progress("fitting the noise", 1.0)
+    return changed(model, noise, found.x)
 
 
 def _told(

@@ -9,14 +9,15 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
-from trackprofile.bands import resample
+from trackprofile.bands import D1, band_pass, resample
 from trackprofile.errors import DataError
 from trackprofile.inference import forward_kernels
 from trackprofile.inference.bay_kernels import COLUMNS
-from trackprofile.inference.measured import KNOT_SPACING, Measured
+from trackprofile.inference.measured import KNOT_SPACING, USUAL, Measured
 from trackprofile.inference.ride import Ride
 from trackprofile.inference.smoother import Start
 from trackprofile.motion import Motion
+from trackprofile.spectrum import Spectrum, scaled
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -27,12 +28,16 @@ SEARCHED_ORIGINS = 15.0
 
 @dataclass(frozen=True)
 class KnownProfile:
-    """A reference as spline coefficients: ``coefficients[i]`` is that of index ``first + i``."""
+    """A reference as spline coefficients: ``coefficients[i]`` is that of index ``first + i``.
+
+    ``spectrum`` has the usual shape and the reference's own level in D1.
+    """
 
     coefficients: Array
     first: int
     begin: float
     end: float
+    spectrum: Spectrum
 
     @staticmethod
     def of(reference: xr.Dataset) -> KnownProfile:
@@ -46,7 +51,11 @@ class KnownProfile:
         last = int(np.floor(distance[-1] / KNOT_SPACING))
         at_knots = resample(distance, elevation, np.arange(first, last + 1) * KNOT_SPACING)
         return KnownProfile(
-            _spline_through(at_knots), first, float(distance[0]), float(distance[-1])
+            _spline_through(at_knots),
+            first,
+            float(distance[0]),
+            float(distance[-1]),
+            _of_that_level(at_knots),
         )
 
     def covered(self, data: Measured, vehicle: Vehicle, origin: float) -> Measured:
@@ -87,6 +96,13 @@ class KnownProfile:
             signals,
         )
         return signals[:, None]
+
+
+def _of_that_level(elevation: Array) -> Spectrum:
+    """The usual spectrum, scaled to the variance in D1 of an elevation at the knots."""
+    variance = float(np.var(band_pass(elevation, KNOT_SPACING, D1)))
+    usual = USUAL.standard_deviation(D1.shortest, D1.longest)
+    return scaled(USUAL, variance / usual**2)
 
 
 def _spline_through(values: Array) -> Array:

@@ -16,7 +16,7 @@ from trackprofile.inference.smoother import Filter, Start, prepare, start_of_rid
 from trackprofile.motion import Motion, motion, recorded_step
 from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.spectrum import Spectrum
-from trackprofile.statespace import POLES, UNMODELLED_BANDWIDTH, StateSpace, state_space
+from trackprofile.statespace import FILTER_STATES, StateSpace, state_space
 from trackprofile.track import Track
 from trackprofile.vehicle import Vehicle
 
@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 KNOT_SPACING = 0.25
 """m between the spline's knots: EN 13848-2 asks for a sampling distance of at most this."""
+
+USUAL = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee of ")
+"""Where the search for the prior starts: between FRA 6 and a good main line."""
 
 LOCAL = 50.0
 """m to each side over which the strength of a signal is taken."""
@@ -103,16 +106,29 @@ def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
     system = state_space(model.vehicle, model.track, model.sensors, float(model.unmodelled > 0))
     ride = build_ride(system, moved, data.valid, KNOT_SPACING)
     if model.unmodelled > 0:
-        density = np.interp(ride.bay_position, moved.distance, unmodelled_density(data, model))
-        ride = replace(ride, Q=ride.Q * np.square(density)[:, None, None])
-    return system, ride
+        deviation = np.interp(ride.bay_position, moved.distance, unmodelled_deviation(data, model))
+        ride = replace(ride, Q=ride.Q * np.square(deviation)[:, None, None])
+    return system, _with_drift(ride, moved, model.sensors)
 
 
-def unmodelled_density(data: Measured, model: Model) -> Array:
-    """One-sided density of the unmodelled acceleration at each sample, m/s²/√Hz.
+def _with_drift(ride: Ride, motion: Motion, sensors: Sequence[Sensor]) -> Ride:
+    """The offsets, last of the states, walk by drift² · duration in each bay."""
+    drift = np.array([sensor.drift or 0.0 for sensor in sensors])
+    if not np.any(drift > 0.0):
+        return ride
+    entered = np.interp(ride.bay_position, motion.distance, motion.time)
+    duration = np.diff(entered, append=motion.time[-1])
+    offsets = np.arange(-len(sensors), 0)
+    Q = ride.Q.copy() if ride.Q.size else np.zeros_like(ride.F)
+    Q[:, offsets, offsets] += np.outer(np.maximum(duration, 0.0), drift**2)
+    return replace(ride, Q=Q)
+
+
+def unmodelled_deviation(data: Measured, model: Model) -> Array:
+    """Standard deviation of the unmodelled acceleration at each sample, m/s².
 
     A share of the root mean square that an accelerometer on the first body measures within ``LOCAL`` m: what a
-    rigid, linear car leaves out grows with what excites it. N = share · rms / √(π/4 · bandwidth), for two poles.
+    rigid, linear car leaves out grows with what excites it.
     """
     i = shaken_channel(model.vehicle, data.sensors)
     if i is None:
@@ -126,7 +142,7 @@ def unmodelled_density(data: Measured, model: Model) -> Array:
     count = np.concatenate([[0], np.cumsum(valid)])
     low, high = np.searchsorted(at, at - LOCAL), np.searchsorted(at, at + LOCAL, side="right")
     local = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
-    return model.unmodelled * np.sqrt(local / (np.pi / 4 * UNMODELLED_BANDWIDTH))
+    return model.unmodelled * np.sqrt(local)
 
 
 def shaken_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
@@ -143,13 +159,18 @@ def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> F
 
 
 def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> Start:
-    """The prior of the first state, with the spread of unmodelled accelerations and offsets."""
+    """The prior of the first state, with the spread of unmodelled accelerations, low-passes and offsets."""
     kinds = system.disturbance.shape[1]
-    # The first of the two poles passes twice the power that the second leaves: N √(π/2 · bandwidth).
-    loudest = float(np.max(unmodelled_density(data, model))) if kinds else 0.0
-    spread = loudest * np.sqrt(np.pi / 2 * UNMODELLED_BANDWIDTH)
+    spread = float(np.max(unmodelled_deviation(data, model))) if kinds else 0.0
+    loudness = np.std(data.signals, axis=0)
+    low_passes = [
+        float(loud)
+        for sensor, loud in zip(model.sensors, loudness, strict=True)
+        if sensor.bandwidth
+        for _ in range(FILTER_STATES)
+    ]
     offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
-    others = np.array([spread] * (POLES * kinds) + offsets)
+    others = np.array([spread] * (FILTER_STATES * kinds) + low_passes + offsets)
     return start_of_ride(system, model.spectrum, ride, others)
 
 

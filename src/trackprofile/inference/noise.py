@@ -7,16 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.inference.evidence import innovations_of
 from trackprofile.inference.likelihood import Progress, maximise
-from trackprofile.inference.measured import (
-    Measured,
-    Model,
-    prepared_filter,
-    ride_of,
-    row_signals,
-    start_of,
-)
-from trackprofile.inference.smoother import innovations
+from trackprofile.inference.measured import USUAL, Measured, Model
 from trackprofile.motion import Motion
 from trackprofile.sensor import UNITS, Installation, Sensor
 from trackprofile.spectrum import Spectrum
@@ -27,9 +20,6 @@ Array = NDArray[np.float64]
 
 LONGEST_STRETCH = 1500.0
 """m of the recording that are enough to find a noise level."""
-
-USUAL = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee of ")
-"""Where the search for the prior starts: between FRA 6 and a good main line."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +59,7 @@ def find_noise(
     piece = _informative(data)
 
     def of_piece(logarithms: Array) -> tuple[Array, Array]:
-        trial = _with(model, data, prior, np.exp(logarithms))
-        system, ride = ride_of(piece, trial)
-        prepared = prepared_filter(piece, trial, ride, start_of(piece, trial, system, ride))
-        return innovations(prepared, row_signals(piece, ride))[:, 0], prepared.innovation_variance
+        return innovations_of([piece], _with(model, data, prior, np.exp(logarithms)))
 
     centre = np.log([unknown.centre for unknown in unknowns])
     precision = np.array([unknown.spread**-2 for unknown in unknowns])

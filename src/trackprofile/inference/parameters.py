@@ -56,11 +56,13 @@ def mechanical_parameters(model: Model, names: Sequence[str] | None) -> list[Par
 
 
 def noise_parameters(model: Model) -> list[Parameter]:
-    """The noise of each sensor, and the unmodelled acceleration where the model has any."""
-    every = [
-        Parameter(f"noise of {one.name}", UNITS[one.quantity].replace("s2", "s²") + "/√Hz", 2.0)
-        for one in model.sensors
-    ]
+    """White noise and drift of each sensor, and the unmodelled acceleration where the model has any."""
+    every = []
+    for one in model.sensors:
+        unit = UNITS[one.quantity].replace("s2", "s²")
+        every.append(Parameter(f"noise of {one.name}", unit + "/√Hz", 2.0))
+        if one.drift:
+            every.append(Parameter(f"drift of {one.name}", unit + "/√s", 2.0))
     if model.unmodelled > 0:
         every.append(Parameter(UNMODELLED, "of the measured", 2.0))
     return every
@@ -72,6 +74,7 @@ def value_of(model: Model, parameter: Parameter) -> float:
     for sensor in model.sensors:
         values[f"position of {sensor.name}"] = sensor.position
         values[f"noise of {sensor.name}"] = sensor.noise_density or 0.0
+        values[f"drift of {sensor.name}"] = sensor.drift or 0.0
     value = values[parameter.name]
     return float(np.log(value)) if parameter.positive else float(value)
 
@@ -88,6 +91,7 @@ def changed(model: Model, parameters: Sequence[Parameter], at: Array) -> Model:
             sensor,
             position=values.get(f"position of {sensor.name}", sensor.position),
             noise_density=values.get(f"noise of {sensor.name}", sensor.noise_density),
+            drift=values.get(f"drift of {sensor.name}", sensor.drift),
         )
         for sensor in model.sensors
     )

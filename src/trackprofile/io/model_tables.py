@@ -76,6 +76,7 @@ class Sensor(Strict):
     noise_density: PositiveFloat | None = None
     bandwidth: PositiveFloat | None = None
     offset: NonNegativeFloat | None = None
+    drift: NonNegativeFloat | None = None
 
 
 class Installation(Strict):

@@ -280,7 +280,7 @@ def _sensor(read: tables.Sensor) -> Sensor:
     with located(f"sensor {read.name!r}"):
         factor = unit_factor(read.unit, QUANTITIES[read.quantity][1])
     fields = read.model_dump(exclude={"unit"})
-    for field in ("noise_density", "offset"):
+    for field in ("noise_density", "offset", "drift"):
         if fields[field] is not None:
             fields[field] *= factor
     return Sensor(**fields)
