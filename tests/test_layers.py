@@ -16,9 +16,10 @@ ROOT = Path(trackprofile.__file__).parent
 LAYERS = (
     {"errors"},
     {"units"},
-    {"contracts", "bands", "motion", "spectrum", "integrate"},
+    {"contracts", "bands", "motion", "spectrum", "irregularity", "integrate"},
     {"vehicle", "track", "sensor"},
-    {"simulate", "statespace"},
+    {"instrument"},
+    {"simulation", "statespace", "receptance"},
     {"inference", "comparison", "assess", "io"},
     {"plot"},
     {"report", "outputs"},

@@ -12,6 +12,7 @@ from trackprofile.errors import FileError, ModelError, TrackprofileError, UnitEr
 from trackprofile.io.model_toml import (
     check_vehicle_place,
     presets,
+    read_roughness,
     read_sensors,
     read_spectrum,
     read_track,
@@ -20,6 +21,7 @@ from trackprofile.io.model_toml import (
 )
 from trackprofile.io.toml_document import document
 from trackprofile.sensor import Installation, Sensor
+from trackprofile.spectrum import Piece, PowerLaw
 from trackprofile.track import ElasticTrack, RigidTrack
 from trackprofile.vehicle import (
     Body,
@@ -148,9 +150,69 @@ def test_the_spectra_have_their_coefficients_and_standard_deviations(
     assert 1e3 * spectrum.standard_deviation(3.0, 25.0) == pytest.approx(d1_mm, abs=0.005)
 
 
+LAW = """
+name = "law"
+shortest = { value = 1000, unit = "mm" }
+longest = { value = 100, unit = "m" }
+[[piece]]
+upper = { value = 0.5, unit = "1/m" }
+density = { value = 2, unit = "mm²/(1/m)" }
+at = { value = 0.1, unit = "1/m" }
+slope = 3
+[[piece]]
+density = { value = 2, unit = "cm²/(rad/m)" }
+at = { value = 1, unit = "rad/m" }
+slope = 0
+knee = { at = { value = 1, unit = "rad/m" }, fall = 3, sharpness = 1.5 }
+"""
+
+
+def test_a_power_law_is_read_in_si(tmp_path: Path) -> None:
+    whole = 2 * math.pi
+    assert read_roughness(put(tmp_path, LAW)) == PowerLaw(
+        "law",
+        (
+            Piece(2e-6 / whole, 0.1 * whole, 3.0, upper=0.5 * whole),
+            Piece(2e-4, 1.0, 0.0, knee=1.0, fall=3.0, sharpness=1.5),
+        ),
+        shortest=1.0,
+        longest=100.0,
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "kind", "words"),
+    [
+        ('"mm²/(1/m)"', '"mm²"', FileError, ("piece 1.density.unit", "'mm²/(1/m)'")),
+        ("slope = 3", "slop = 3", FileError, ("'slop'", "piece 1", "slope")),
+        ("value = 100,", "value = 1,", ModelError, ("'law'", "shortest < longest")),
+        ('unit = "mm"', 'unit = "kg"', UnitError, ("'kg'", "length")),
+        ("fall = 3", "fall = 0", FileError, ("piece 2.knee.fall", "greater than 0")),
+    ],
+)
+def test_a_power_law_that_cannot_be_is_refused_with_its_file(
+    tmp_path: Path, old: str, new: str, kind: type[TrackprofileError], words: tuple[str, ...]
+) -> None:
+    assert old in LAW
+    path = put(tmp_path, LAW.replace(old, new, 1))
+    with pytest.raises(kind) as caught:
+        read_roughness(path)
+    message = str(caught.value)
+    assert message.count(str(path)) == 1
+    assert message.startswith(str(path))
+    assert all(word in message for word in words), message
+
+
+def test_a_power_law_is_refused_as_a_prior_with_its_file(tmp_path: Path) -> None:
+    path = put(tmp_path, LAW)
+    with pytest.raises(ModelError, match="no prior can be") as caught:
+        read_spectrum(path)
+    assert str(caught.value).startswith(str(path))
+
+
 def test_the_sensor_grades_are_those_of_the_limits_table() -> None:
     grades = []
-    for name in presets("sensors"):
+    for name in ("bogie-1ug", "bogie-25ug", "bogie-100ug", "bogie-1mg"):
         acceleration, rate = read_sensors(name)
         assert acceleration.body == rate.body == "leading bogie"
         assert acceleration.noise_density
@@ -161,7 +223,7 @@ def test_the_sensor_grades_are_those_of_the_limits_table() -> None:
 
 
 def test_every_preset_is_read_and_has_a_source() -> None:
-    for kind, reads in {"vehicle": read_vehicle, "spectrum": read_spectrum}.items():
+    for kind, reads in {"vehicle": read_vehicle, "spectrum": read_roughness}.items():
         for name in presets(kind):  # type: ignore[arg-type]
             read = reads(name)
             assert (read[0] if isinstance(read, tuple) else read).source

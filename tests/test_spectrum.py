@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from trackprofile.errors import ModelError
-from trackprofile.io.model_toml import read_spectrum
-from trackprofile.spectrum import Spectrum, draw, markov
+from trackprofile.io.model_toml import presets, read_roughness, read_spectrum
+from trackprofile.spectrum import Piece, PowerLaw, Spectrum, draw, markov, rational
 
 FRA6 = Spectrum("FRA 6", 1.5e-6, 0.0206, 0.825)
 
@@ -68,3 +70,102 @@ def test_drawn_profile_has_the_standard_deviation_of_its_spectrum() -> None:
 def test_spectrum_without_a_band_is_refused() -> None:
     with pytest.raises(ModelError, match="upper > lower > 0"):
         Spectrum("flat", 1e-6, 0.5, 0.5)
+
+
+# --- power laws -----------------------------------------------------------------------------------
+
+BANDS = ((3, 25), (25, 70), (70, 150))
+
+# Literature: as above. SNCF is known up to 40 m only; its formula goes on to where they took it.
+POWER_LAWS = {
+    "fra-4-usual": (5.69, 9.65, 13.0),
+    "fra-5-usual": (3.55, 6.03, 8.1),
+    "fra-6-usual": (1.43, 2.42, 3.3),
+    "sncf-good": (1.05, 1.07, 0.82),
+    "sncf-poor": (1.96, 2.00, 1.54),
+    "china-ballastless": (0.286, 0.362, 0.765),
+}
+
+
+def power_law(name: str) -> PowerLaw:
+    read = read_roughness(name)
+    assert isinstance(read, PowerLaw)
+    return read
+
+
+@pytest.mark.parametrize("name", POWER_LAWS)
+def test_band_standard_deviations_of_power_laws_are_those_of_the_literature(name: str) -> None:
+    spectrum = replace(power_law(name), longest=305.0)
+    found = [1e3 * spectrum.standard_deviation(*limits) for limits in BANDS]
+    # Three digits, and two where the table has two.
+    np.testing.assert_allclose(found, POWER_LAWS[name], atol=0.05, rtol=0.006)
+
+
+@pytest.mark.parametrize("name", [n for n in presets("spectrum") if "german" not in n])
+def test_the_standard_deviation_is_the_integral_of_the_density(name: str) -> None:
+    spectrum = read_roughness(name)
+    omega = np.geomspace(2 * np.pi / 35, 2 * np.pi / 2.5, 200_001)
+    expected = np.sqrt(np.trapezoid(spectrum.density(omega), omega))
+    # Trapezia across a jump of 0.5 % miss less than one step of it.
+    assert spectrum.standard_deviation(2.5, 35) == pytest.approx(expected, rel=1e-7)
+
+
+def test_the_usual_fra_spectrum_has_its_closed_formula() -> None:
+    omega = np.geomspace(0.03, 4.0, 50)
+    for number, amplitude in enumerate((1.2107, 1.0181, 0.6816, 0.5376, 0.2095, 0.0339), start=1):
+        expected = 0.25e-4 * amplitude * 0.8245**2 / (omega**2 * (omega**2 + 0.8245**2))
+        found = read_roughness(f"fra-{number}-usual").density(omega)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("number", range(1, 7))
+def test_the_papers_fra_amplitude_is_four_ninths_of_the_usual(number: int) -> None:
+    usual = read_roughness(f"fra-{number}-usual").density(np.array([0.5]))[0]
+    paper = read_spectrum(f"fra-{number}")
+    assert ("not verified" in paper.source) == (number < 4)
+    without_lower = paper.density(np.array([0.5]))[0] * (1 + (paper.lower / 0.5) ** 2)
+    # k = 1/4, so 16/9 of the density; Table 4 has two or three digits. The upper corners differ by 0.06 %.
+    assert without_lower / usual == pytest.approx(16 / 9, rel=0.006)
+
+
+def test_the_chinese_pieces_meet() -> None:
+    spectrum = power_law("china-ballastless")
+    for before, after in zip(spectrum.pieces[:-1], spectrum.pieces[1:], strict=True):
+        at = np.array([before.upper])
+        assert before.density_at(at) == pytest.approx(after.density_at(at), rel=0.005)
+        # Up to and including its upper end a piece is the one that counts.
+        assert spectrum.density(at) == before.density_at(at)
+
+
+def test_a_power_law_is_not_continued_beyond_its_band() -> None:
+    sncf = power_law("sncf-good")
+    with pytest.raises(ModelError, match=r"'SNCF.*2 m to 40 m, got 25 m to 70 m; stay within"):
+        sncf.standard_deviation(25, 70)
+    with pytest.raises(ModelError, match="2 m to 40 m"):
+        sncf.density(np.array([0.1]))
+    assert sncf.density(np.array([])).shape == (0,)
+    assert sncf.standard_deviation(2, 40) > 0
+
+
+def test_a_power_law_can_be_no_prior() -> None:
+    with pytest.raises(ModelError, match=r"'SNCF.*no prior can be; choose.*german-low"):
+        rational(read_roughness("sncf-good"))
+    assert rational(FRA6) is FRA6
+
+
+@pytest.mark.parametrize(
+    ("pieces", "limits", "words"),
+    [
+        ((), (1.0, 10.0), "pieces in the order"),
+        ((Piece(1.0, 1.0, 2.0, upper=3.0),), (1.0, 10.0), "the last beyond 6.28319 rad/m"),
+        ((Piece(1.0, 1.0, 2.0), Piece(1.0, 1.0, 2.0)), (1.0, 10.0), "pieces in the order"),
+        ((Piece(0.0, 1.0, 2.0),), (1.0, 10.0), "above 0"),
+        ((Piece(1.0, 1.0, 2.0, knee=0.0),), (1.0, 10.0), "above 0"),
+        ((Piece(1.0, 1.0, 2.0),), (10.0, 1.0), "0 < shortest < longest"),
+    ],
+)
+def test_a_power_law_that_contradicts_itself_is_refused(
+    pieces: tuple[Piece, ...], limits: tuple[float, float], words: str
+) -> None:
+    with pytest.raises(ModelError, match=words):
+        PowerLaw("odd", pieces, *limits)

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from trackprofile.io import read as read
     from trackprofile.io import write as write
     from trackprofile.sensor import Sensor as Sensor
+    from trackprofile.simulation.simulate import simulate as simulate
     from trackprofile.spectrum import Spectrum as Spectrum
     from trackprofile.track import ElasticTrack as ElasticTrack
+    from trackprofile.track import LayeredTrack as LayeredTrack
     from trackprofile.track import RigidTrack as RigidTrack
     from trackprofile.vehicle import Vehicle as Vehicle
 
@@ -30,6 +32,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "ElasticTrack": "track",
+    "LayeredTrack": "track",
     "RigidTrack": "track",
     "Sensor": "sensor",
     "Spectrum": "spectrum",
@@ -39,11 +42,13 @@ _HOMES = {
     "infer": "inference.estimate",
     "limit": "inference.bound",
     "read": "io",
+    "simulate": "simulation.simulate",
     "write": "io",
 }
 
 __all__ = [
     "ElasticTrack",
+    "LayeredTrack",
     "RigidTrack",
     "Sensor",
     "Spectrum",
@@ -54,6 +59,7 @@ __all__ = [
     "infer",
     "limit",
     "read",
+    "simulate",
     "write",
 ]
 

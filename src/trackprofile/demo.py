@@ -32,7 +32,7 @@ from trackprofile.outputs import write_estimate
 from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor
 from trackprofile.spectrum import Spectrum, draw
 from trackprofile.statespace import StateSpace, state_space
-from trackprofile.track import Track
+from trackprofile.track import PointTrack
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -95,7 +95,7 @@ def run(
 
 def simulated(
     vehicle: Vehicle,
-    track: Track,
+    track: PointTrack,
     sensors: tuple[Sensor, ...],
     spectrum: Spectrum,
     length: float,

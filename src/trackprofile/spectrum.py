@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,148 @@ class Spectrum:
         integral = (np.arctan(high / a) - np.arctan(low / a)) / a
         integral -= (np.arctan(high / b) - np.arctan(low / b)) / b
         return float(np.sqrt(self.amplitude * b**2 / (b**2 - a**2) * integral))
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A power law that may bend: S₀ (Ω/Ω₀)^-slope (1 + (Ω/Ωk)^sharpness)^(-fall/sharpness).
+
+    Parameters
+    ----------
+    density : S₀, m²/(rad/m), at Ω₀ where there is no knee
+    at : Ω₀, rad/m
+    slope : by which the density falls below the knee; a slope of 2 is S ∝ Ω⁻²
+    upper : up to which Ω the piece holds, rad/m
+    knee : Ωk, rad/m
+    fall : how much steeper it is beyond the knee
+    sharpness : of the bend
+
+    Examples
+    --------
+    >>> Piece(density=1e-6, at=1.0, slope=2.0).density_at(np.array([1.0, 2.0]))
+    array([1.0e-06, 2.5e-07])
+    """
+
+    density: float
+    at: float
+    slope: float
+    upper: float = np.inf
+    knee: float = np.inf
+    fall: float = 0.0
+    sharpness: float = 1.0
+
+    def density_at(self, spatial_frequency: Array) -> Array:
+        """S(Ω), m²/(rad/m), wherever the piece holds, for Ω in rad/m."""
+        straight = self.density * (spatial_frequency / self.at) ** -self.slope
+        bend = 1 + (spatial_frequency / self.knee) ** self.sharpness
+        return straight * bend ** (-self.fall / self.sharpness)
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """A spectrum of one or more power laws, known between two wavelengths and nowhere else.
+
+    Parameters
+    ----------
+    name : what it is called
+    pieces : from long waves to short; each holds from the one before up to its ``upper``
+    shortest, longest : wavelengths between which it is known, m
+    source : where the numbers come from
+
+    Raises
+    ------
+    ModelError : the pieces do not follow one another, or a number is not above 0.
+
+    Examples
+    --------
+    >>> flat = PowerLaw("flat", (Piece(1e-6, at=1.0, slope=0.0),), shortest=1.0, longest=100.0)
+    >>> round(1e3 * flat.standard_deviation(3.0, 25.0), 3)  # √(1e-6 (2π/3 - 2π/25)) m
+    1.358
+    """
+
+    name: str
+    pieces: tuple[Piece, ...]
+    shortest: float
+    longest: float
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.shortest < self.longest:
+            raise ModelError(
+                f"spectrum {self.name!r} needs 0 < shortest < longest wavelength, got "
+                f"{self.shortest} m and {self.longest} m"
+            )
+        uppers = [0.0, *(piece.upper for piece in self.pieces)]
+        if not all(a < b for a, b in pairwise(uppers)) or uppers[-1] < 2 * np.pi / self.shortest:
+            raise ModelError(
+                f"spectrum {self.name!r} needs pieces in the order of their upper end, the last beyond "
+                f"{2 * np.pi / self.shortest:g} rad/m, got {uppers[1:]}"
+            )
+        for piece in self.pieces:
+            if not min(piece.density, piece.at, piece.knee, piece.sharpness) > 0:
+                raise ModelError(
+                    f"spectrum {self.name!r} needs density, at, knee and sharpness above 0, got {piece}"
+                )
+
+    def density(self, spatial_frequency: Array) -> Array:
+        """S(Ω), m²/(rad/m), for Ω in rad/m.
+
+        Raises
+        ------
+        ModelError : a wavelength is longer or shorter than those for which it is known.
+        """
+        omega = np.asarray(spatial_frequency, dtype=np.float64)
+        if omega.size:
+            self._known(2 * np.pi / float(omega.max()), 2 * np.pi / float(omega.min()))
+        which = np.searchsorted([piece.upper for piece in self.pieces[:-1]], omega)
+        density = np.empty_like(omega)
+        for number, piece in enumerate(self.pieces):
+            density[which == number] = piece.density_at(omega[which == number])
+        return density
+
+    def standard_deviation(self, shortest: float, longest: float) -> float:
+        """Root of ∫ S dΩ over the wavelengths ``shortest`` to ``longest``, m.
+
+        Raises
+        ------
+        ModelError : as of `density`.
+        """
+        self._known(shortest, longest)
+        low, high = 2 * np.pi / longest, 2 * np.pi / shortest
+        inner = [piece.upper for piece in self.pieces[:-1] if low < piece.upper < high]
+        ends = np.log([low, *inner, high])
+        # Over ln Ω a power law is an exponential, and a knee is smooth: Gauss is exact to rounding.
+        node, weight = np.polynomial.legendre.leggauss(64)
+        half, middle = np.diff(ends)[:, None] / 2, (ends[1:] + ends[:-1])[:, None] / 2
+        omega = np.exp(middle + half * node)
+        return float(np.sqrt(np.sum(half * weight * omega * self.density(omega))))
+
+    def _known(self, shortest: float, longest: float) -> None:
+        rounding = 1e-9
+        if shortest < self.shortest * (1 - rounding) or longest > self.longest * (1 + rounding):
+            raise ModelError(
+                f"spectrum {self.name!r} is known for wavelengths of {self.shortest:g} m to "
+                f"{self.longest:g} m, got {shortest:g} m to {longest:g} m; stay within"
+            )
+
+
+Roughness = Spectrum | PowerLaw
+"""Any spectrum of track irregularity."""
+
+
+def rational(roughness: Roughness) -> Spectrum:
+    """The spectrum, if it is of the rational form, which alone can be the prior of an estimate.
+
+    Raises
+    ------
+    ModelError : it is of another form.
+    """
+    if isinstance(roughness, PowerLaw):
+        raise ModelError(
+            f"spectrum {roughness.name!r} is a power law, which no process of second order has and so "
+            "no prior can be; choose one with amplitude, lower and upper, such as german-low"
+        )
+    return roughness
 
 
 @dataclass(frozen=True)

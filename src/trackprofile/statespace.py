@@ -18,7 +18,7 @@ from scipy.linalg import expm
 
 from trackprofile.errors import ModelError
 from trackprofile.sensor import PITCH_RATE, Sensor
-from trackprofile.track import ElasticTrack, RigidTrack, Track
+from trackprofile.track import ElasticTrack, PointTrack, RigidTrack
 from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
 
 Array = NDArray[np.float64]
@@ -57,15 +57,15 @@ class StateSpace:
 
 
 def state_space(
-    vehicle: Vehicle, track: Track, sensors: Sequence[Sensor], unmodelled: float = 0.0
+    vehicle: Vehicle, track: PointTrack, sensors: Sequence[Sensor], unmodelled: float = 0.0
 ) -> StateSpace:
     """The linear system of a vehicle on a rigid path or on per-wheel springs.
 
     On a :class:`RigidTrack` the wheels are their paths; on an :class:`ElasticTrack` each wheel is a degree of
-    freedom pushed by k_t (z - w) + c_t (ż - ẇ) (theory, section 7). ``unmodelled`` is the standard deviation,
-    m/s², of what a rigid, linear car leaves out: random accelerations of the first body's heave, and of its pitch
-    as much as makes the same at the radius of gyration √(I/m). Friction, play and progressive springs act with
-    the stroke of the suspension, so each is strongest about the frequency of the mode in which its freedom moves.
+    freedom pushed by k_t (z - w) + c_t (ż - ẇ) + m_t (z̈ - ẅ) (theory, section 7). ``unmodelled`` is the standard
+    deviation, m/s², of what a rigid, linear car leaves out: random accelerations of the first body's heave, and of
+    its pitch as much as makes the same at the radius of gyration √(I/m). Friction, play and progressive springs act
+    with the stroke of the suspension, so each is strongest about the frequency of the mode in which it moves.
 
     Raises
     ------
@@ -74,15 +74,14 @@ def state_space(
     """
     full = assemble(vehicle)
     wheels = [full.index(wheel.name, HEAVE) for wheel in vehicle.wheels]
-    free, K, Cd, push = _supported(vehicle, track, full, wheels)
+    free, inertia, K, Cd, push = _supported(vehicle, track, full, wheels)
     freedoms = tuple(full.degrees_of_freedom[i] for i in free)
     shaken = _shaken(vehicle, freedoms) if unmodelled > 0.0 else []
     f, n = len(free), 2 * len(free) + FILTER_STATES * len(shaken)
     A, B = np.zeros((n, n)), np.zeros((n, 3, len(wheels)))
     A[:f, f : 2 * f] = np.eye(f)
-    inertia = np.diag(full.mass)[free]
     A[f : 2 * f, :f], A[f : 2 * f, f : 2 * f] = -K / inertia[:, None], -Cd / inertia[:, None]
-    B[f : 2 * f, :2] = push / inertia[:, None, None]
+    B[f : 2 * f] = push / inertia[:, None, None]
     disturbance = _shake(A, shaken, f, unmodelled)
     C, D = np.zeros((len(sensors), n)), np.zeros((len(sensors), 3, len(wheels)))
     for row, sensor in enumerate(sensors):
@@ -215,15 +214,17 @@ def _noise_polynomial(A: Array, intensity: Array, start: Array, out: Array) -> N
 
 
 def _supported(
-    vehicle: Vehicle, track: Track, full: Assembly, wheels: list[int]
-) -> tuple[list[int], Array, Array, Array]:
-    """Free degrees of freedom, their K and C, and the push (free, 2, wheels) of z and ż."""
+    vehicle: Vehicle, track: PointTrack, full: Assembly, wheels: list[int]
+) -> tuple[list[int], Array, Array, Array, Array]:
+    """Free degrees of freedom, their inertia, K and C, and the push (free, 3, wheels) of z, ż and z̈."""
+    inertia = np.diag(full.mass).copy()
     everything = list(range(len(full.degrees_of_freedom)))
     match track:
         case RigidTrack():
             free = [i for i in everything if i not in wheels]
             K, C = full.stiffness, full.damping
-            push = -np.stack([K[np.ix_(free, wheels)], C[np.ix_(free, wheels)]], axis=1)
+            on_free = np.zeros((len(free), len(wheels)))
+            push = -np.stack([K[np.ix_(free, wheels)], C[np.ix_(free, wheels)], on_free], axis=1)
         case ElasticTrack():
             for wheel in vehicle.wheels:
                 if not wheel.mass > 0:
@@ -236,8 +237,10 @@ def _supported(
             on_wheels[wheels, range(len(wheels))] = 1.0
             K = full.stiffness + track.stiffness * on_wheels @ on_wheels.T
             C = full.damping + track.damping * on_wheels @ on_wheels.T
-            push = np.stack([track.stiffness * on_wheels, track.damping * on_wheels], axis=1)
-    return free, K[np.ix_(free, free)], C[np.ix_(free, free)], push
+            inertia[wheels] += track.mass
+            numbers = np.array([track.stiffness, track.damping, track.mass])
+            push = on_wheels[:, None, :] * numbers[:, None]
+    return free, inertia[free], K[np.ix_(free, free)], C[np.ix_(free, free)], push
 
 
 def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:

@@ -1,10 +1,15 @@
-"""What a wheel stands on: a rigid path, or a spring and damper that stand for the track below it."""
+"""What a wheel stands on: a rigid path, a spring and damper, or rail, pads, sleepers and ballast."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from trackprofile.errors import ModelError
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -14,12 +19,13 @@ class RigidTrack:
 
 @dataclass(frozen=True)
 class ElasticTrack:
-    """Each wheel stands on k_t + c_t d/dt, fitted to the track's receptance at low frequency.
+    """Each wheel stands on k_t + c_t d/dt + m_t d²/dt², fitted to the track's receptance at low frequency.
 
     Parameters
     ----------
     stiffness : k_t per wheel, N/m
     damping : c_t per wheel, N s/m
+    mass : m_t per wheel, kg, that moves as the rail deflects
 
     Examples
     --------
@@ -30,13 +36,154 @@ class ElasticTrack:
     stiffness: float
     damping: float
     source: str = ""
+    mass: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.stiffness > 0 or self.damping < 0:
+        if not self.stiffness > 0 or self.damping < 0 or self.mass < 0:
             raise ModelError(
-                f"a track needs stiffness above 0 and damping of at least 0, got {self.stiffness} N/m "
-                f"and {self.damping} N s/m"
+                "a track needs stiffness above 0, damping and mass of at least 0, got "
+                f"{self.stiffness} N/m, {self.damping} N s/m and {self.mass} kg"
             )
 
 
-Track = RigidTrack | ElasticTrack
+@dataclass(frozen=True)
+class Support:
+    """What holds the rail at one sleeper, of half the track.
+
+    Parameters
+    ----------
+    pad_stiffness, pad_damping : between rail and sleeper, N/m and N s/m
+    sleeper_mass : kg
+    ballast_stiffness, ballast_damping : between sleeper and ballast, N/m and N s/m
+    ballast_mass : kg
+    subballast_stiffness, subballast_damping : between ballast and ground, N/m and N s/m
+    """
+
+    pad_stiffness: float
+    pad_damping: float
+    sleeper_mass: float
+    ballast_stiffness: float
+    ballast_damping: float
+    ballast_mass: float
+    subballast_stiffness: float
+    subballast_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in SUPPORT_FIELDS:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0) or (name.endswith("mass") and value == 0):
+                least = "above" if name.endswith("mass") else "at least"
+                raise ModelError(
+                    f"support: {name.replace('_', ' ')} must be {least} 0, got {value:g}"
+                )
+
+
+SUPPORT_FIELDS = (
+    "pad_stiffness", "pad_damping", "sleeper_mass", "ballast_stiffness", "ballast_damping",
+    "ballast_mass", "subballast_stiffness", "subballast_damping",
+)  # fmt: skip
+"""In the order of the columns that the kernels take."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number of the supports, multiplied from ``start`` to ``end``, m: a soft spot, a hanging sleeper."""
+
+    field: str
+    factor: float
+    start: float
+    end: float
+
+    def __post_init__(self) -> None:
+        if self.field not in SUPPORT_FIELDS:
+            raise ModelError(
+                f"a change of the track names {self.field!r}; supports have {', '.join(SUPPORT_FIELDS)}"
+            )
+        if not (self.factor >= 0 and self.end > self.start):
+            raise ModelError(
+                f"a change of {self.field!r} needs a factor of at least 0 and an end beyond its start, got "
+                f"{self.factor:g} from {self.start:g} m to {self.end:g} m"
+            )
+
+
+@dataclass(frozen=True)
+class LayeredTrack:
+    """Rail on pads, sleepers, ballast and sub-ballast (theory, section 3); half a track under one rail.
+
+    The rail is an Euler-Bernoulli beam with one Hermite element per sleeper bay. Sleepers stand at the multiples
+    of ``spacing``.
+
+    Parameters
+    ----------
+    name : what it is called
+    rail_bending_stiffness : EI, N m²
+    rail_mass : per metre, kg/m
+    spacing : of the sleepers, m
+    support : of every sleeper that no change concerns
+    changes : where supports differ
+
+    Examples
+    --------
+    >>> support = Support(65e6, 75e3, 125.5, 137.75e6, 58.8e3, 531.4, 77.5e6)
+    >>> soft = Change("ballast_stiffness", 0.5, 100.0, 103.0)
+    >>> track = LayeredTrack("soft spot", 6.62e6, 60.64, 0.545, support, (soft,))
+    >>> supports(track, 182, 3)[:, 3] / 1e6  # at 99.2, 99.7 and 100.3 m
+    array([137.75 , 137.75 ,  68.875])
+    """
+
+    name: str
+    rail_bending_stiffness: float
+    rail_mass: float
+    spacing: float
+    support: Support
+    changes: tuple[Change, ...] = ()
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for field in ("rail_bending_stiffness", "rail_mass", "spacing"):
+            value = getattr(self, field)
+            if not (np.isfinite(value) and value > 0):
+                raise ModelError(
+                    f"track {self.name!r}: {field.replace('_', ' ')} must be above 0, got {value:g}"
+                )
+
+
+PointTrack = RigidTrack | ElasticTrack
+"""What gives way only under the wheel itself: what the state space takes."""
+
+Track = PointTrack | LayeredTrack
+
+
+def supports(track: LayeredTrack, first: int, count: int) -> Array:
+    """The supports of ``count`` sleepers from number ``first`` on, (count, 8), in the order of SUPPORT_FIELDS."""
+    table = np.tile([getattr(track.support, name) for name in SUPPORT_FIELDS], (count, 1))
+    place = track.spacing * np.arange(first, first + count)
+    for change in track.changes:
+        inside = (place >= change.start) & (place <= change.end)
+        table[inside, SUPPORT_FIELDS.index(change.field)] *= change.factor
+    return table.astype(np.float64)
+
+
+def beam_element(track: LayeredTrack) -> tuple[Array, Array]:
+    """Stiffness and consistent mass of one bay of rail, (4, 4) each, on deflection and slope of its ends."""
+    h = track.spacing
+    bending = np.array(
+        [
+            [12, 6 * h, -12, 6 * h],
+            [6 * h, 4 * h**2, -6 * h, 2 * h**2],
+            [-12, -6 * h, 12, -6 * h],
+            [6 * h, 2 * h**2, -6 * h, 4 * h**2],
+        ]
+    )
+    inertia = np.array(
+        [
+            [156, 22 * h, 54, -13 * h],
+            [22 * h, 4 * h**2, 13 * h, -3 * h**2],
+            [54, 13 * h, 156, -22 * h],
+            [-13 * h, -3 * h**2, -22 * h, 4 * h**2],
+        ]
+    )
+    return (
+        track.rail_bending_stiffness / h**3 * bending,
+        track.rail_mass * h / 420 * inertia,
+    )

@@ -9,6 +9,7 @@ from scipy.integrate import quad_vec
 
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import ModelError
+from trackprofile.receptance import point_track
 from trackprofile.sensor import Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import state_space, transfer_function
@@ -64,7 +65,7 @@ def limit(
     if not densities or None in densities:
         raise ModelError("The limit needs at least one sensor, and the noise_density of each.")
     noise = np.square(np.array(densities, dtype=np.float64)) * speed / (2 * np.pi)
-    system = state_space(vehicle, track, sensors)
+    system = state_space(vehicle, point_track(track), sensors)
 
     def posterior(omega: float) -> float:
         at = np.array([omega])

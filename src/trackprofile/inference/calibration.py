@@ -37,9 +37,10 @@ from trackprofile.inference.parameters import (
     noise_parameters,
     value_of,
 )
+from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import scaled
-from trackprofile.track import RigidTrack, Track
+from trackprofile.track import PointTrack, RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -148,7 +149,7 @@ def calibrate(
         known.covered(measured(one, installation), vehicle, installation.origin)
         for one in recordings
     ]
-    start = _started(data, vehicle, track or RigidTrack(), installation)
+    start = _started(data, vehicle, point_track(track or RigidTrack()), installation)
     every = mechanical_parameters(start, parameters)
     progress("finding the origin", 0.0)
     beginning = _with_best_origin(data, known, start, every)
@@ -171,7 +172,7 @@ def _rows_within(length: float, data: list[Measured]) -> int:
 
 
 def _started(
-    data: list[Measured], vehicle: Vehicle, track: Track, installation: Installation
+    data: list[Measured], vehicle: Vehicle, track: PointTrack, installation: Installation
 ) -> Model:
     """The model where the fit starts: white noise alone, a tenth of the signal, and a reference without error."""
     first = data[0]

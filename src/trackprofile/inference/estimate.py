@@ -26,6 +26,7 @@ from trackprofile.inference.measured import (
 from trackprofile.inference.noise import find_noise
 from trackprofile.inference.ride import Ride
 from trackprofile.inference.smoother import knot_variance, prior_draws, smooth
+from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum, markov
 from trackprofile.track import RigidTrack, Track
@@ -122,7 +123,9 @@ def estimate(
     installation = installation or Installation()
     progress = progress or (lambda stage, share: None)
     data = measured(recording, installation)
-    found, notes = find_noise(data, vehicle, track or RigidTrack(), installation, prior, progress)
+    found, notes = find_noise(
+        data, vehicle, point_track(track or RigidTrack()), installation, prior, progress
+    )
     system, ride = ride_of(data, found)
     progress("smoothing", 0.2)
     prepared = prepared_filter(data, found, ride, start_of(data, found, system, ride))

@@ -17,7 +17,7 @@ from trackprofile.motion import Motion, motion, recorded_step
 from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import FILTER_STATES, StateSpace, state_space
-from trackprofile.track import Track
+from trackprofile.track import PointTrack
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Model:
     """
 
     vehicle: Vehicle
-    track: Track
+    track: PointTrack
     sensors: tuple[Sensor, ...]
     origin: float
     unmodelled: float

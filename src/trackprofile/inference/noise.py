@@ -13,7 +13,7 @@ from trackprofile.inference.measured import USUAL, Measured, Model
 from trackprofile.motion import Motion
 from trackprofile.sensor import UNITS, Installation, Sensor
 from trackprofile.spectrum import Spectrum
-from trackprofile.track import Track
+from trackprofile.track import PointTrack
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Unknown:
 def find_noise(
     data: Measured,
     vehicle: Vehicle,
-    track: Track,
+    track: PointTrack,
     installation: Installation,
     prior: Spectrum | None,
     progress: Progress,

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, NonNegativeFloat, PlainValidator, PositiveFloat
+from pydantic import BaseModel, Field, NonNegativeFloat, PlainValidator, PositiveFloat
 from pydantic_core import PydanticCustomError
 
+from trackprofile import instrument, sensor
+from trackprofile.contracts import QUANTITIES
+from trackprofile.io.table import located
 from trackprofile.io.toml_document import Strict
 from trackprofile.units import unit_factor
 
@@ -78,6 +81,39 @@ class Sensor(Strict):
     offset: NonNegativeFloat | None = None
     drift: NonNegativeFloat | None = None
 
+    @property
+    def factor(self) -> float:
+        """SI value of one of its unit."""
+        with located(f"sensor {self.name!r}"):
+            return unit_factor(self.unit, QUANTITIES[self.quantity][1])
+
+    def si(self) -> sensor.Sensor:
+        factor = self.factor
+        fields = self.model_dump(include=Sensor.model_fields.keys() - {"unit"})
+        for field in ("noise_density", "offset", "drift"):
+            if fields[field] is not None:
+                fields[field] *= factor
+        return sensor.Sensor(**fields)
+
+
+class Instrument(Sensor):
+    flicker: NonNegativeFloat = 0.0
+    resolution: NonNegativeFloat = 0.0
+    range: PositiveFloat | None = None
+    misalignment_deg: float = 0.0
+    gain: float = 1.0
+
+    def complete(self, source: str) -> instrument.Instrument:
+        return instrument.Instrument(
+            self.si(),
+            flicker=self.flicker * self.factor,
+            resolution=self.resolution * self.factor,
+            range=None if self.range is None else self.range * self.factor,
+            misalignment=math.radians(self.misalignment_deg),
+            gain=self.gain,
+            source=source,
+        )
+
 
 class Installation(Strict):
     origin: float = 0.0
@@ -108,6 +144,55 @@ class Spectrum(Sourced):
     upper: Quantity
 
 
+class SpatialFrequency(Strict):
+    value: PositiveFloat
+    unit: Literal["rad/m", "1/m"]
+
+    @property
+    def si(self) -> float:
+        """rad/m"""
+        return self.value * (1.0 if self.unit == "rad/m" else 2 * math.pi)
+
+
+class Density(Strict):
+    value: PositiveFloat
+    unit: Literal["m²/(rad/m)", "cm²/(rad/m)", "m²/(1/m)", "mm²/(1/m)"]
+
+    @property
+    def si(self) -> float:
+        """m²/(rad/m); per rad/m there is 1/2π of what there is per 1/m"""
+        square, per = self.unit.split("/", maxsplit=1)
+        factor = {"m²": 1.0, "cm²": 1e-4, "mm²": 1e-6}[square]
+        return self.value * factor / (1.0 if per == "(rad/m)" else 2 * math.pi)
+
+
+class Knee(Strict):
+    at: SpatialFrequency
+    fall: PositiveFloat
+    sharpness: PositiveFloat
+
+
+class Piece(Strict):
+    density: Density
+    at: SpatialFrequency
+    slope: float
+    upper: SpatialFrequency | None = None
+    knee: Knee | None = None
+
+
+class PowerLaw(Sourced):
+    name: str
+    shortest: Quantity
+    longest: Quantity
+    piece: list[Piece] = Field(min_length=1)
+
+
+class AnySpectrum(BaseModel):
+    """Tells whether a spectrum is one of pieces; whatever else stands there is not looked at."""
+
+    piece: list[object] | None = None
+
+
 class Sensors(Sourced):
     name: str = ""
-    sensor: list[Sensor] = Field(min_length=1)
+    sensor: list[Instrument] = Field(min_length=1)

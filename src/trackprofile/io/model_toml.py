@@ -41,14 +41,15 @@ from typing import Any, Literal
 
 from trackprofile.contracts import QUANTITIES
 from trackprofile.errors import FileError, ModelError
+from trackprofile.instrument import Instrument
 from trackprofile.io import model_tables as tables
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.io.table import located
 from trackprofile.io.toml_document import document, load
 from trackprofile.sensor import Installation, Sensor
-from trackprofile.spectrum import Spectrum
+from trackprofile.spectrum import Piece, PowerLaw, Roughness, Spectrum, rational
 from trackprofile.track import ElasticTrack, RigidTrack, Track
-from trackprofile.units import si_unit, unit_factor
+from trackprofile.units import si_unit
 from trackprofile.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
 
 _Part = tables.Body | tables.Link | tables.Wheel
@@ -167,7 +168,27 @@ def read_track(name_or_path: str | Path) -> Track:
 
 
 def read_spectrum(name_or_path: str | Path) -> Spectrum:
-    """A spectrum of track irregularity.
+    """A spectrum of track irregularity that can be the prior of an estimate.
+
+    Raises
+    ------
+    FileError, UnitError, ModelError : as of `read_vehicle`.
+    ModelError : it is not of the rational form; `read_roughness` reads those too.
+
+    Examples
+    --------
+    >>> read_spectrum("fra-6").upper
+    0.825
+    """
+    read = read_roughness(name_or_path)
+    with _located(_find(name_or_path, "spectrum")):
+        return rational(read)
+
+
+def read_roughness(name_or_path: str | Path) -> Roughness:
+    """A spectrum of track irregularity, of whatever form, to draw profiles from or compare with.
+
+    Its TOML has ``amplitude``, ``lower`` and ``upper``, or a list of ``piece``.
 
     Raises
     ------
@@ -175,10 +196,12 @@ def read_spectrum(name_or_path: str | Path) -> Spectrum:
 
     Examples
     --------
-    >>> read_spectrum("fra-6").upper
-    0.825
+    >>> read_roughness("china-ballastless").longest
+    200.0
     """
     path = _find(name_or_path, "spectrum")
+    if load(path, tables.AnySpectrum).piece is not None:
+        return _power_law(path)
     read = load(path, tables.Spectrum)
     with _located(path):
         return Spectrum(
@@ -205,7 +228,25 @@ def read_sensors(name_or_path: str | Path) -> tuple[Sensor, ...]:
     path = _find(name_or_path, "sensors")
     read = load(path, tables.Sensors)
     with _located(path):
-        return tuple(map(_sensor, read.sensor))
+        return tuple(one.si() for one in read.sensor)
+
+
+def read_instruments(name_or_path: str | Path) -> tuple[Instrument, ...]:
+    """The sensors on a vehicle, with what else their data sheets say, for a simulation.
+
+    Raises
+    ------
+    FileError, UnitError, ModelError : as of `read_vehicle`.
+
+    Examples
+    --------
+    >>> [round(one.range) for one in read_instruments("bogie-mti1")]
+    [157, 35]
+    """
+    path = _find(name_or_path, "sensors")
+    read = load(path, tables.Sensors)
+    with _located(path):
+        return tuple(one.complete(read.said) for one in read.sensor)
 
 
 def _find(name_or_path: str | Path, kind: Kind) -> Path:
@@ -228,6 +269,28 @@ def _located(path: Path) -> Iterator[None]:
             yield
     except ModelError as error:
         raise ModelError(f"{path}: {error}.") from error
+
+
+def _power_law(path: Path) -> PowerLaw:
+    read = load(path, tables.PowerLaw)
+    with _located(path):
+        return PowerLaw(
+            read.name,
+            pieces=tuple(map(_piece, read.piece)),
+            shortest=read.shortest.si("length"),
+            longest=read.longest.si("length"),
+            source=read.said,
+        )
+
+
+def _piece(read: tables.Piece) -> Piece:
+    optional: dict[str, float] = {}
+    if read.upper is not None:
+        optional["upper"] = read.upper.si
+    if read.knee is not None:
+        optional["knee"] = read.knee.at.si
+        optional |= {"fall": read.knee.fall, "sharpness": read.knee.sharpness}
+    return Piece(read.density.si, read.at.si, read.slope, **optional)
 
 
 def _vehicle(read: tables.Vehicle) -> Vehicle:
@@ -273,17 +336,7 @@ def _shared(name: str, parameter: tables.Parameter, parts: Sequence[_Part]) -> P
 
 
 def _installation(read: tables.Installation) -> Installation:
-    return Installation(read.origin, tuple(map(_sensor, read.sensor)), read.unmodelled)
-
-
-def _sensor(read: tables.Sensor) -> Sensor:
-    with located(f"sensor {read.name!r}"):
-        factor = unit_factor(read.unit, QUANTITIES[read.quantity][1])
-    fields = read.model_dump(exclude={"unit"})
-    for field in ("noise_density", "offset", "drift"):
-        if fields[field] is not None:
-            fields[field] *= factor
-    return Sensor(**fields)
+    return Installation(read.origin, tuple(one.si() for one in read.sensor), read.unmodelled)
 
 
 def _vehicle_table(

@@ -1,0 +1,133 @@
+"""What a layered track gives under a wheel: its receptance, and the spring and damper that stand for it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_banded
+
+from trackprofile.errors import ModelError
+from trackprofile.track import (
+    SUPPORT_FIELDS,
+    ElasticTrack,
+    LayeredTrack,
+    PointTrack,
+    Track,
+    beam_element,
+    supports,
+)
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+REACH = 40.0
+"""m of track to each side of the force: static deflection has fallen by e^-40 and more there."""
+
+FITTED_UP_TO = 30.0
+"""Hz: what bogies and bodies answer to lies below (theory, section 7)."""
+
+PLACES = 4
+"""Places in a sleeper bay over which a wheel's support is averaged."""
+
+
+def dynamic_stiffness(track: LayeredTrack, frequency: Array, fraction: float = 0.0) -> ComplexArray:
+    """Force over deflection of the rail under a harmonic force that stands still, N/m.
+
+    1 / (Nᵀ (K + iω C - ω² M)⁻¹ N), with the force at a ``fraction`` of the bay from a sleeper on.
+
+    Parameters
+    ----------
+    frequency : (m,), Hz
+    fraction : 0 is over a sleeper, 0.5 between two
+
+    Examples
+    --------
+    >>> from trackprofile.track import Support
+    >>> support = Support(65e6, 75e3, 125.5, 137.75e6, 58.8e3, 531.4, 77.5e6)
+    >>> table3 = LayeredTrack("Table 3", 6.6238e6, 60.64, 0.545, support)
+    >>> at_rest = [dynamic_stiffness(table3, np.zeros(1), place)[0].real for place in (0.0, 0.5)]
+    >>> [round(float(one) / 1e6, 1) for one in at_rest]
+    [87.5, 88.1]
+    """
+    nodes = 2 * int(np.ceil(REACH / track.spacing)) + 2
+    middle, h = nodes // 2, track.spacing
+    x = fraction
+    N = np.array(
+        [1 - 3 * x**2 + 2 * x**3, h * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3, h * (x**3 - x**2)]
+    )
+    force = np.zeros(2 * nodes)
+    force[2 * middle : 2 * middle + 4] = N
+    bending, inertia = beam_element(track)
+    found = np.empty(len(frequency), np.complex128)
+    for i, omega in enumerate(2 * np.pi * frequency):
+        bands = _bands(bending - omega**2 * inertia, _support_stiffness(track, nodes, omega))
+        deflection = solve_banded((3, 3), bands, force.astype(np.complex128))
+        found[i] = 1.0 / (N @ deflection[2 * middle : 2 * middle + 4])
+    return found
+
+
+def point_track(track: Track) -> PointTrack:
+    """The track as each wheel feels it below 30 Hz: k_t + c_t d/dt + m_t d²/dt².
+
+    Least squares of the dynamic stiffness k_t + iω c_t - ω² m_t, averaged over places in a bay, at frequencies
+    from 0 to ``FITTED_UP_TO``. Changes of single supports are left out. Tracks of one point stay as they are.
+
+    Raises
+    ------
+    ModelError
+        Where the track has no stiffness at rest.
+
+    Examples
+    --------
+    >>> from trackprofile.track import Support
+    >>> support = Support(65e6, 75e3, 125.5, 137.75e6, 58.8e3, 531.4, 77.5e6)
+    >>> found = point_track(LayeredTrack("Table 3", 6.6238e6, 60.64, 0.545, support))
+    >>> round(found.stiffness / 1e6, 1), round(found.damping / 1e3, 1), round(found.mass)
+    (88.0, 32.8, 374)
+    """
+    if not isinstance(track, LayeredTrack):
+        return track
+    frequency = np.linspace(0.0, FITTED_UP_TO, 16)
+    found = np.mean(
+        [dynamic_stiffness(track, frequency, place) for place in np.arange(PLACES) / PLACES], axis=0
+    )
+    omega = 2 * np.pi * frequency
+    stiffness, mass = np.linalg.lstsq(np.stack([np.ones_like(omega), -(omega**2)], 1), found.real)[
+        0
+    ]
+    damping = float(omega @ found.imag / (omega @ omega))
+    if not stiffness > 0:
+        raise ModelError(f"track {track.name!r} does not carry a wheel: check its supports.")
+    return ElasticTrack(
+        float(stiffness), max(damping, 0.0), f"fitted to {track.name}", max(float(mass), 0.0)
+    )
+
+
+def _support_stiffness(track: LayeredTrack, nodes: int, omega: float) -> ComplexArray:
+    """Of each support, with sleeper and ballast eliminated, N/m."""
+    table = supports(
+        LayeredTrack(
+            track.name, track.rail_bending_stiffness, track.rail_mass, track.spacing, track.support
+        ),
+        0,
+        nodes,
+    )
+    of = dict(zip(SUPPORT_FIELDS, table.T, strict=True))
+    pad = of["pad_stiffness"] + 1j * omega * of["pad_damping"]
+    ballast = of["ballast_stiffness"] + 1j * omega * of["ballast_damping"]
+    ground = of["subballast_stiffness"] + 1j * omega * of["subballast_damping"]
+    below = ground - omega**2 * of["ballast_mass"]
+    under_sleeper = ballast * below / (ballast + below) - omega**2 * of["sleeper_mass"]
+    return np.asarray(pad * under_sleeper / (pad + under_sleeper), np.complex128)
+
+
+def _bands(element: Array, support: ComplexArray) -> ComplexArray:
+    """The rail's matrix in the diagonal form of scipy.linalg.solve_banded, (7, 2 n)."""
+    n = len(support)
+    bands = np.zeros((7, 2 * n), np.complex128)
+    for i in range(4):
+        for j in range(4):
+            columns = 2 * np.arange(n - 1) + j
+            bands[3 + i - j, columns] += element[i, j]
+    bands[3, 0::2] += support
+    return bands

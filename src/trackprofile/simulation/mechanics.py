@@ -1,0 +1,74 @@
+"""The matrices of a vehicle whose wheels follow given paths, as the simulation takes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.errors import ModelError
+from trackprofile.vehicle import HEAVE, Vehicle, assemble
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.81
+"""m/s², as in the paper's simulations."""
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """M, C and K over the bodies' freedoms, then the wheels'.
+
+    Parameters
+    ----------
+    freedoms : (part, motion) of the bodies' freedoms
+    mass : (bodies + wheels,), the diagonal of M, kg or kg m²
+    C, K : (bodies + wheels, bodies + wheels)
+    weight : (bodies + wheels,), N, down; 0 for pitch
+    offsets : (wheels,), m behind the leading wheel
+    """
+
+    freedoms: tuple[tuple[str, str], ...]
+    mass: Array
+    C: Array
+    K: Array
+    weight: Array
+    offsets: Array
+
+    @property
+    def bodies(self) -> int:
+        """How many freedoms the bodies have."""
+        return len(self.freedoms)
+
+
+def mechanics(vehicle: Vehicle) -> Mechanics:
+    """Assemble a vehicle for the simulation.
+
+    Raises
+    ------
+    ModelError
+        Where a body does not hang together with the wheels: it would fall.
+    """
+    full = assemble(vehicle)
+    bodies = len(full.degrees_of_freedom) - len(vehicle.wheels)
+    mass = np.diag(full.mass).copy()
+    heaves = np.array([motion == HEAVE for _, motion in full.degrees_of_freedom])
+    inner = full.stiffness[:bodies, :bodies]
+    values, modes = np.linalg.eigh(inner)
+    if values[0] <= 1e-12 * values[-1]:
+        part, motion = full.degrees_of_freedom[int(np.argmax(np.abs(modes[:, 0])))]
+        raise ModelError(
+            f"vehicle {vehicle.name!r}: nothing holds the {motion} of {part!r}; add a link with stiffness"
+        )
+    offsets = np.array([wheel.position for wheel in vehicle.wheels])
+    freedoms = full.degrees_of_freedom[:bodies]
+    weight = GRAVITY * mass * heaves
+    return Mechanics(freedoms, mass, full.damping, full.stiffness, weight, offsets)
+
+
+def static_wheel_loads(car: Mechanics) -> Array:
+    """What each wheel presses with at rest on level track, N."""
+    bodies = car.bodies
+    q = np.linalg.solve(car.K[:bodies, :bodies], -car.weight[:bodies])
+    return np.asarray(car.weight[bodies:] + car.K[bodies:, :bodies] @ q, np.float64)
