@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,7 @@ from trackprofile.io.model_toml import (
 from trackprofile.io.toml_document import document
 from trackprofile.sensor import Installation, Sensor
 from trackprofile.spectrum import Piece, PowerLaw
-from trackprofile.track import ElasticTrack, RigidTrack
+from trackprofile.track import Change, ElasticTrack, LayeredTrack, RigidTrack
 from trackprofile.vehicle import (
     Body,
     Link,
@@ -227,7 +228,7 @@ def test_every_preset_is_read_and_has_a_source() -> None:
         for name in presets(kind):  # type: ignore[arg-type]
             read = reads(name)
             assert (read[0] if isinstance(read, tuple) else read).source
-    assert presets("track") == ("rigid", "zhai")
+    assert presets("track") == ("rigid", "zhai", "zhai-layered")
 
 
 # --- round trip ---------------------------------------------------------------------------------
@@ -390,3 +391,37 @@ def test_a_vehicle_replaces_no_other_file(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"ends in \.toml"):
         check_vehicle_place(tmp_path / "vehicle.json")
     check_vehicle_place(put(tmp_path, CART))
+
+
+def test_layered_track_is_read_with_its_changes(tmp_path: Path) -> None:
+    whole = (files("trackprofile") / "presets/track/zhai-layered.toml").read_text()
+    spot = """
+[[change]]
+field = "ballast_stiffness"
+factor = 0.3
+start = { value = 100, unit = "m" }
+end = { value = 103, unit = "m" }
+"""
+    track = read_track(put(tmp_path, whole + spot))
+    assert isinstance(track, LayeredTrack)
+    assert track.changes == (Change("ballast_stiffness", 0.3, 100.0, 103.0),)
+    assert track.support.pad_stiffness == 65e6
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (("value = 125.5", "value = -125.5"), "sleeper mass must be above 0, got -125.5"),
+        (("value = 0.545", "value = 0"), "spacing must be above 0, got 0"),
+        (("value = 60.64", "value = -1"), "rail mass must be above 0"),
+        (("[rail]", '[rail]\ncolour = "red"'), "colour"),
+    ],
+)
+def test_impossible_layered_track_is_refused(
+    tmp_path: Path, wrong: tuple[str, str], said: str
+) -> None:
+    whole = (files("trackprofile") / "presets/track/zhai-layered.toml").read_text()
+    path = put(tmp_path, whole.replace(*wrong))
+    with pytest.raises(TrackprofileError, match=said) as caught:
+        read_track(path)
+    assert str(path) in str(caught.value)

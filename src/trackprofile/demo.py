@@ -29,6 +29,7 @@ from trackprofile.io.model_toml import (
     write_vehicle,
 )
 from trackprofile.outputs import write_estimate
+from trackprofile.receptance import point_track
 from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor
 from trackprofile.spectrum import Spectrum, draw
 from trackprofile.statespace import StateSpace, state_space
@@ -80,7 +81,7 @@ def run(
     folder = _ready(Path(folder))
     recording, truth = folder / "recording.toml", folder / "truth.csv"
     vehicle, installation = read_vehicle("velaro")
-    track = read_track("zhai")
+    track = point_track(read_track("zhai"))
     measured, level = simulated(
         vehicle, track, read_sensors("bogie-25ug"), read_spectrum("german-low"), length, seed
     )

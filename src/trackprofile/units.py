@@ -29,6 +29,8 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
     "mass": {"kg": 1.0, "t": 1e3},
     "inertia": {"kg m²": 1.0, "t m²": 1e3},
     "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6},
+    "bending stiffness": {"N m²": 1.0, "kN m²": 1e3, "MN m²": 1e6},
+    "mass per length": {"kg/m": 1.0},
     "damping": {"N s/m": 1.0, "kN s/m": 1e3},
     "spatial frequency": {"rad/m": 1.0},
     "roughness": {"m² rad/m": 1.0, "cm² rad/m": 1e-4},

@@ -69,6 +69,9 @@ def infer(
     to_m: To = None,
     draws: Annotated[int, typer.Option(min=2, help="Behind the bands' uncertainty.")] = 64,
     seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    correct: Annotated[
+        bool, typer.Option("--correct", help="For a layered track: correct by its full model.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Infer a track profile, with its uncertainty, from a recording.
@@ -94,6 +97,7 @@ def infer(
             prior=spectrum,
             draws=draws,
             seed=seed,
+            correct=correct,
             progress=progress,
         )
     files = list(map(str, write_estimate(found, measured, output)))

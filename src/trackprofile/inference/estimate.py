@@ -12,6 +12,7 @@ from scipy.ndimage import uniform_filter1d
 
 from trackprofile.bands import BANDS, FILTER_NAME, Band, band_pass, edge_distance
 from trackprofile.contracts import Quality, build_profile, channels, with_provenance
+from trackprofile.inference.correction import beyond_reduced
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
     KNOT_SPACING,
@@ -29,7 +30,7 @@ from trackprofile.inference.smoother import knot_variance, prior_draws, smooth
 from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum, markov
-from trackprofile.track import RigidTrack, Track
+from trackprofile.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -72,6 +73,7 @@ def infer(
     prior: Spectrum | None = None,
     draws: int = 64,
     seed: int = 0,
+    correct: bool = False,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """The track's longitudinal profile from what a vehicle's sensors recorded.
@@ -89,6 +91,8 @@ def infer(
     prior : spectrum of the profile before anything is measured; None finds its level and knee from the data
     draws : number of posterior draws behind the bands' standard deviations
     seed : of the draws
+    correct : take off what the full model of a layered track makes of the profile beyond the point track that
+        stands for it; once, for the waves of a sleeper bay would grow with each repetition
     progress : told the stage and its share done
 
     Returns
@@ -104,7 +108,7 @@ def infer(
     """
     return estimate(
         recording, vehicle, installation=installation, track=track, prior=prior, draws=draws,
-        seed=seed, progress=progress,
+        seed=seed, correct=correct, progress=progress,
     ).profile  # fmt: skip
 
 
@@ -117,15 +121,14 @@ def estimate(
     prior: Spectrum | None = None,
     draws: int = 64,
     seed: int = 0,
+    correct: bool = False,
     progress: Progress | None = None,
 ) -> Estimate:
     """As :func:`infer`, with the reproduced signals and what was found on the way."""
-    installation = installation or Installation()
+    installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
     data = measured(recording, installation)
-    found, notes = find_noise(
-        data, vehicle, point_track(track or RigidTrack()), installation, prior, progress
-    )
+    found, notes = find_noise(data, vehicle, point_track(track), installation, prior, progress)
     system, ride = ride_of(data, found)
     progress("smoothing", 0.2)
     prepared = prepared_filter(data, found, ride, start_of(data, found, system, ride))
@@ -137,12 +140,17 @@ def estimate(
     errors = profiles - smoothed.elevation[:, 1:]
     spread = np.sqrt(np.maximum(knot_variance(prepared), 0.0))
     place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
+    elevation = smoothed.elevation[:, 0]
+    if correct:
+        beyond = beyond_reduced(data, found, track, place, elevation)
+        rows = beyond[ride.samples, ride.sensors][:, None]
+        elevation = elevation - smooth(prepared, rows).elevation[:, 0]
     run = data.motion.distance + found.origin
     inside = slice(*np.searchsorted(place, [run[0], run[-1] + 1e-9]))
     bands, skipped = band_spreads(errors, ride.spacing)
     profile = build_profile(
         place[inside],
-        smoothed.elevation[inside, 0],
+        elevation[inside],
         kind="posterior",
         method="smoother",
         standard_deviation=spread[inside],
@@ -150,6 +158,7 @@ def estimate(
         quality=_quality(place, bands, data, found, ride)[inside],
         vehicle=vehicle.name,
     )
+    notes = (*notes, *_reduction(track, found.track, correct))
     step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {seed}; bands: {FILTER_NAME}"
     profile = with_provenance(profile, "; ".join([step, *notes]))
     progress("smoothing", 1.0)
@@ -160,6 +169,17 @@ def estimate(
         found,
         (*notes, *skipped),
         float(smoothed.log_likelihood[0]),
+    )
+
+
+def _reduction(track: Track, reduced: PointTrack, correct: bool) -> tuple[str, ...]:
+    """What stands for a layered track, in words."""
+    if not (isinstance(track, LayeredTrack) and isinstance(reduced, ElasticTrack)):
+        return ()
+    return (
+        f"track {track.name!r} stands under each wheel as {reduced.stiffness / 1e6:.1f} MN/m, "
+        f"{reduced.damping / 1e3:.1f} kN s/m and {reduced.mass:.0f} kg"
+        + (", corrected by the full model" if correct else ""),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, Field, NonNegativeFloat, PlainValidator, PositiveFloat
 from pydantic_core import PydanticCustomError
 
-from trackprofile import instrument, sensor
+from trackprofile import instrument, sensor, track
 from trackprofile.contracts import QUANTITIES
 from trackprofile.io.table import located
 from trackprofile.io.toml_document import Strict
@@ -135,6 +135,73 @@ class Track(Sourced):
     name: str
     stiffness: Quantity
     damping: Quantity
+    mass: Quantity | None = None
+
+    def si(self) -> track.ElasticTrack:
+        """As the simulation and the smoother take it."""
+        mass = 0.0 if self.mass is None else self.mass.si("mass")
+        return track.ElasticTrack(
+            self.stiffness.si("stiffness"), self.damping.si("damping"), self.said, mass
+        )
+
+
+class AnyTrack(BaseModel):
+    """Tells whether a track is layered; whatever else stands there is not looked at."""
+
+    rail: object | None = None
+
+
+class Rail(Strict):
+    bending_stiffness: Quantity
+    mass: Quantity
+
+
+class Support(Strict):
+    pad_stiffness: Quantity
+    pad_damping: Quantity
+    sleeper_mass: Quantity
+    ballast_stiffness: Quantity
+    ballast_damping: Quantity
+    ballast_mass: Quantity
+    subballast_stiffness: Quantity
+    subballast_damping: Quantity
+
+    def si(self) -> track.Support:
+        """As the simulation takes it."""
+        return track.Support(
+            **{name: getattr(self, name).si(name.split("_")[1]) for name in track.SUPPORT_FIELDS}
+        )
+
+
+class Change(Strict):
+    field: str
+    factor: float
+    start: Quantity
+    end: Quantity
+
+    def si(self) -> track.Change:
+        """As the simulation takes it."""
+        return track.Change(self.field, self.factor, self.start.si("length"), self.end.si("length"))
+
+
+class LayeredTrack(Sourced):
+    name: str
+    spacing: Quantity
+    rail: Rail
+    support: Support
+    change: list[Change] = Field(default_factory=list)
+
+    def si(self) -> track.LayeredTrack:
+        """As the simulation takes it."""
+        return track.LayeredTrack(
+            self.name,
+            self.rail.bending_stiffness.si("bending stiffness"),
+            self.rail.mass.si("mass per length"),
+            self.spacing.si("length"),
+            self.support.si(),
+            tuple(one.si() for one in self.change),
+            self.said,
+        )
 
 
 class Spectrum(Sourced):

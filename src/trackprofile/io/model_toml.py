@@ -48,7 +48,7 @@ from trackprofile.io.table import located
 from trackprofile.io.toml_document import document, load
 from trackprofile.sensor import Installation, Sensor
 from trackprofile.spectrum import Piece, PowerLaw, Roughness, Spectrum, rational
-from trackprofile.track import ElasticTrack, RigidTrack, Track
+from trackprofile.track import RigidTrack, Track
 from trackprofile.units import si_unit
 from trackprofile.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
 
@@ -150,6 +150,8 @@ def check_vehicle_place(path: str | Path) -> None:
 def read_track(name_or_path: str | Path) -> Track:
     """A track; the name "rigid" stands for a path that gives way to nothing.
 
+    A file with a table ``rail`` is a layered track, any other a spring and a damper under each wheel.
+
     Raises
     ------
     FileError, UnitError, ModelError : as of `read_vehicle`.
@@ -162,9 +164,10 @@ def read_track(name_or_path: str | Path) -> Track:
     if str(name_or_path) == RIGID:
         return RigidTrack()
     path = _find(name_or_path, "track")
-    read = load(path, tables.Track)
+    layered = load(path, tables.AnyTrack).rail is not None
+    read = load(path, tables.LayeredTrack if layered else tables.Track)
     with _located(path):
-        return ElasticTrack(read.stiffness.si("stiffness"), read.damping.si("damping"), read.said)
+        return read.si()
 
 
 def read_spectrum(name_or_path: str | Path) -> Spectrum:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
-from trackprofile.errors import ModelError
+from trackprofile.errors import DataError, ModelError
 
 Array = NDArray[np.float64]
 
@@ -63,6 +64,54 @@ class Drive:
         a = (speeds[piece + 1] - v) / (times[piece + 1] - times[piece])
         # Of the two forms of the root, the one that stays exact as a tends to 0.
         return float(times[piece] + 2 * rest / (v + np.sqrt(v**2 + 2 * a * rest)))
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A recorded motion, after ``lead`` m at its first speed: position is a cubic between samples.
+
+    Parameters
+    ----------
+    time, distance, speed : (n,), s, m and m/s, as recorded
+    lead : m run before the first sample
+
+    Examples
+    --------
+    >>> recorded = Followed(np.array([0.0, 1.0]), np.array([5.0, 15.0]), np.array([10.0, 10.0]), 20.0)
+    >>> recorded.at(np.array([2.5])), recorded.duration(30.0)
+    (array([[25., 10.,  0.]]), 3.0)
+    """
+
+    time: Array
+    distance: Array
+    speed: Array
+    lead: float
+
+    def __post_init__(self) -> None:
+        slowest = float(np.min(self.speed))
+        if not slowest > 0:
+            raise DataError(
+                f"A recorded run can be simulated only while it moves, got a speed of {slowest:g} m/s; choose a "
+                "stretch without stops."
+            )
+
+    def at(self, time: Array) -> Array:
+        """Way run (m), speed (m/s) and acceleration (m/s²), (n, 3)."""
+        way = CubicHermiteSpline(self.time, self.distance, self.speed)
+        since = time - self.lead / self.speed[0]
+        at = np.clip(since, 0.0, None) + self.time[0]
+        early = since < 0
+        run = np.where(early, self.speed[0] * time, self.lead + way(at) - self.distance[0])
+        speed = np.where(early, self.speed[0], way(at, 1))
+        return np.stack([run, speed, np.where(early, 0.0, way(at, 2))], axis=1)
+
+    def duration(self, length: float) -> float:
+        """Time to run ``length`` m, s; at most that of the record."""
+        lasted = self.lead / self.speed[0]
+        if length <= self.lead:
+            return float(length / self.speed[0])
+        reached = self.distance[0] + length - self.lead
+        return float(lasted + np.interp(reached, self.distance, self.time) - self.time[0])
 
 
 def steady(speed: float) -> Drive:

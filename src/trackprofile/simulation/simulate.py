@@ -12,7 +12,7 @@ from trackprofile.errors import DataError, ModelError
 from trackprofile.integrate import Scheme
 from trackprofile.irregularity import Irregularity
 from trackprofile.sensor import PITCH_RATE, Sensor
-from trackprofile.simulation.drive import Drive
+from trackprofile.simulation.drive import Drive, Followed
 from trackprofile.simulation.layered import MARGIN, LayeredRun
 from trackprofile.simulation.mechanics import mechanics
 from trackprofile.simulation.simple import SimpleRun
@@ -40,7 +40,7 @@ class Run:
 
     start: float
     end: float
-    drive: Drive
+    drive: Drive | Followed
     run_in: float = 100.0
     every: int = 1
     margin: float = MARGIN
