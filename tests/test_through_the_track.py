@@ -78,7 +78,6 @@ def test_error_through_the_real_track_is_what_was_asked() -> None:
             ]
         )
     reduced, corrected = np.sqrt(np.mean(np.square(squares), axis=0))
-    print("reduced", reduced, "corrected", corrected)  # quoted in the closing note
     for found in (reduced, corrected):
         for band, value in zip(ASKED, found, strict=True):
             assert value <= ASKED[band]

@@ -1,4 +1,4 @@
-"""What `infer` leaves behind: the profile, a page and a picture beside it, and a summary."""
+"""What `infer` and `simulate` leave behind: data, a page and a picture beside them, and a summary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,15 @@ from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.inference.estimate import Estimate
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
-from trackprofile.plot import profile_figure, profile_picture, write_html, write_png
+from trackprofile.plot import (
+    profile_figure,
+    profile_picture,
+    ride_figure,
+    ride_picture,
+    write_html,
+    write_png,
+)
+from trackprofile.scenario import Made
 
 
 def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
@@ -59,6 +67,46 @@ def write_estimate(
         write(estimate.profile, profile_file)
         write_html(page, page_file)
         write_png(picture, picture_file)
+    return files
+
+
+def made_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Path, Path]:
+    """The files that `write_made` would write: recording, truth, and a page and picture beside the recording.
+
+    Raises
+    ------
+    FileError : they could not be written there.
+
+    Examples
+    --------
+    >>> [path.name for path in made_files("run.nc", "truth.csv")]
+    ['run.nc', 'truth.csv', 'run.html', 'run.png']
+    """
+    recording, truth = Path(recording), Path(truth)
+    format_to_write("recording", recording)
+    format_to_write("profile", truth)
+    files = (recording, truth, recording.with_suffix(".html"), recording.with_suffix(".png"))
+    check_places(*files)
+    return files
+
+
+def write_made(
+    made: Made, recording: str | Path, truth: str | Path, title: str
+) -> tuple[Path, Path, Path, Path]:
+    """Write what a scenario made: all four files, or none.
+
+    Raises
+    ------
+    FileError : as of `made_files`.
+    """
+    files = made_files(recording, truth)
+    drawn = (made.truth, made.recording, made.simulation, title)
+    page, picture = ride_figure(*drawn), ride_picture(*drawn)
+    with whole_files(*files[1:]) as (truth_file, page_file, picture_file):
+        write(made.truth, truth_file)
+        write_html(page, page_file)
+        write_png(picture, picture_file)
+        write(made.recording, files[0])  # whole or not at all too, with the table that its TOML names
     return files
 
 

@@ -15,6 +15,7 @@ import typer
 
 from trackprofile import __version__
 from trackprofile.cli import show
+from trackprofile.cli.simulate import simulate
 from trackprofile.errors import DataError, FileError, TrackprofileError
 
 if TYPE_CHECKING:
@@ -170,6 +171,9 @@ def calibrate(
     show.note(found.notes)
     show.estimates(result["parameters"])
     show.say(f"Vehicle in {output}: give it to infer with --vehicle.")
+
+
+app.command()(simulate)
 
 
 @app.command()

@@ -20,7 +20,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from plotly.graph_objects import Figure as Page
 
-__all__ = ["profile_figure", "profile_picture", "write_html", "write_png"]
+    from trackprofile.simulation.simulate import Simulation
+
+__all__ = [
+    "profile_figure",
+    "profile_picture",
+    "ride_figure",
+    "ride_picture",
+    "write_html",
+    "write_png",
+]
 
 
 def profile_figure(
@@ -68,6 +77,34 @@ def profile_picture(
     from trackprofile.plot.picture import draw
 
     return draw(chart_of(profile, recording, sample_distance, reproduced or {}))
+
+
+def ride_figure(
+    truth: xr.Dataset, recording: xr.Dataset, simulation: Simulation, title: str
+) -> Page:
+    """The strip chart of a simulation, to look around in: profile, signals, contact forces, rail deflections.
+
+    Parameters
+    ----------
+    truth : the unloaded profile
+    recording : what the sensors read
+    simulation : of `trackprofile.simulation.simulate`
+    title : what it is of
+    """
+    from trackprofile.plot.page import draw
+    from trackprofile.plot.ride import ride_chart
+
+    return draw(ride_chart(truth, recording, simulation, title))
+
+
+def ride_picture(
+    truth: xr.Dataset, recording: xr.Dataset, simulation: Simulation, title: str
+) -> Figure:
+    """The same chart as a still picture; parameters as of `ride_figure`."""
+    from trackprofile.plot.picture import draw
+    from trackprofile.plot.ride import ride_chart
+
+    return draw(ride_chart(truth, recording, simulation, title))
 
 
 def write_html(figure: Page, path: Path | str) -> None:

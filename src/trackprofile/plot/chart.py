@@ -35,17 +35,31 @@ COLOURS = {
     GAP: "#BBBBBB",
 }
 WIDTHS = {ELEVATION: 1.2, MEASURED: 2.2, REPRODUCED: 0.8, RESIDUAL: 0.9}
+OTHERS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#8C8C8C")
+"""Colours, in their order, of lines that have none of their own."""
+OTHER_WIDTH = 0.9
 INTERVAL_OPACITY, GAP_OPACITY = 0.4, 0.35
 
 
 @dataclass(frozen=True)
 class Line:
-    """A trace: NaN breaks it. x in m, y in the panel's unit."""
+    """A trace: NaN breaks it. x in m, y in the panel's unit; ``order`` picks a colour for a name that has none."""
 
     name: str
     x: Array
     y: Array
     decimated: bool = False
+    order: int = 0
+
+    @property
+    def colour(self) -> str:
+        """As both drawings show it."""
+        return COLOURS.get(self.name, OTHERS[self.order % len(OTHERS)])
+
+    @property
+    def width(self) -> float:
+        """As both drawings show it."""
+        return WIDTHS.get(self.name, OTHER_WIDTH)
 
 
 @dataclass(frozen=True)
@@ -103,7 +117,7 @@ def chart_of(
         known = channels(recording)
         _check_reproduced(reproduced, known, where.size)
         for channel in known:
-            panels += _channel_panels(channel, where, reproduced.get(channel.name))
+            panels += channel_panels(channel, where, reproduced.get(channel.name))
     line = "" if recording is None else str(recording.attrs.get("line", ""))
     first, last = float(track.distance[0]), float(track.distance[-1])
     title = f"Track profile{', ' + line if line else ''}, {first:.0f} to {last:.0f} m"
@@ -190,7 +204,7 @@ def _band_panel(track: _Track, band: Band) -> Panel | None:
 
 
 def _elevation_line(track: _Track, elevation: Array) -> Line:
-    return _line(ELEVATION, track.distance, _MILLI * elevation)
+    return line_of(ELEVATION, track.distance, _MILLI * elevation)
 
 
 def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
@@ -203,20 +217,20 @@ def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
     return Interval(track.distance[kept], low[kept], high[kept])
 
 
-def _channel_panels(channel: Channel, where: Array, model: ArrayLike | None) -> list[Panel]:
+def channel_panels(channel: Channel, where: Array, model: ArrayLike | None) -> list[Panel]:
     unit, factor = _SHOWN_IN[channel.quantity]
     valid = True if channel.valid is None else channel.valid
     measured = factor * np.where(valid, channel.values, np.nan)
     name = channel.quantity.capitalize()
     about = f"{channel.body}, {_place(channel.position)}"
-    lines = [_line(MEASURED, where, measured)]
+    lines = [line_of(MEASURED, where, measured)]
     if model is None:
         return [Panel(name, about, unit, tuple(lines))]
     signal = factor * np.asarray(model, dtype=float)
-    lines.append(_line(REPRODUCED, where, signal))
+    lines.append(line_of(REPRODUCED, where, signal))
     left = measured - signal
     size = f"RMS {_rms(left):.2g} {unit}, of {_rms(measured):.2g} {unit} measured"
-    residual = Panel("Residual", size, unit, (_line(RESIDUAL, where, left),), height=0.6)
+    residual = Panel("Residual", size, unit, (line_of(RESIDUAL, where, left),), height=0.6)
     return [Panel(name, about, unit, tuple(lines)), residual]
 
 
@@ -252,9 +266,10 @@ def _check_reproduced(
             )
 
 
-def _line(name: str, x: Array, y: Array) -> Line:
+def line_of(name: str, x: Array, y: Array, order: int = 0) -> Line:
+    """A trace, thinned to its extremes where it is long."""
     kept = extremes(y)
-    return Line(name, x[kept], y[kept], decimated=kept.size < y.size)
+    return Line(name, x[kept], y[kept], kept.size < y.size, order)
 
 
 def _gaps(track: _Track) -> tuple[tuple[float, float], ...]:

@@ -14,7 +14,6 @@ from trackprofile.plot.chart import (
     GAP_OPACITY,
     INTERVAL,
     INTERVAL_OPACITY,
-    WIDTHS,
     Chart,
     Panel,
 )
@@ -74,7 +73,7 @@ def _draw_panel(figure: go.Figure, panel: Panel, row: int) -> None:
         look |= {"opacity": INTERVAL_OPACITY, "hoverinfo": "skip"}
         traces.append(go.Scatter(x=x, y=y, name=INTERVAL, **look))
     for line in panel.lines:
-        look = {"line_color": COLOURS[line.name], "line_width": WIDTHS[line.name]}
+        look = {"line_color": line.colour, "line_width": line.width}
         look |= {"hovertemplate": f"%{{y:.4g}} {panel.unit}"}
         traces.append(go.Scatter(x=line.x, y=line.y, name=line.name, **look))
     named = {trace.name for trace in figure.data}

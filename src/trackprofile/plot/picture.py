@@ -13,7 +13,6 @@ from trackprofile.plot.chart import (
     GAP_OPACITY,
     INTERVAL,
     INTERVAL_OPACITY,
-    WIDTHS,
     Chart,
     Panel,
 )
@@ -58,7 +57,7 @@ def _draw_panel(axes: Axes, panel: Panel, gaps: Sequence[tuple[float, float]]) -
         look = {"color": COLOURS[INTERVAL], "alpha": INTERVAL_OPACITY, "linewidth": 0}
         axes.fill_between(area.x, area.low, area.high, label=INTERVAL, **look)
     for line in panel.lines:
-        look = {"color": COLOURS[line.name], "linewidth": 0.8 * WIDTHS[line.name]}
+        look = {"color": line.colour, "linewidth": 0.8 * line.width}
         axes.plot(line.x, line.y, label=line.name, **look)
     for start, stop in gaps:
         axes.axvspan(start, stop, color=COLOURS[GAP], alpha=GAP_OPACITY, linewidth=0, label=GAP)

@@ -1,0 +1,63 @@
+"""`trackprofile simulate`: a scenario goes in, a recording and the truth come out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trackprofile.cli import show
+
+
+def simulate(
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="A TOML, or the name of a built-in scenario.")
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="RECORDING", help="NetCDF, or TOML with CSV.")
+    ],
+    truth: Annotated[
+        Path, typer.Option(metavar="PROFILE", help="The unloaded profile: .nc, .csv or .parquet.")
+    ],
+    seed: Annotated[
+        int | None, typer.Option(help="Of the sensors' noise, in place of the scenario's.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
+    ] = False,
+) -> None:
+    """Simulate what sensors on a train record, and write down the track that it ran on.
+
+    Beside RECORDING a page (.html) and a picture (.png) of the same name show what happened.
+    """
+    from trackprofile.outputs import made_files, write_made
+    from trackprofile.scenario import read_scenario, run_scenario
+
+    made_files(output, truth)
+    ready = read_scenario(scenario, seed)
+    with show.progress_bars() as progress:
+        made = run_scenario(ready, progress or (lambda stage, share: None))
+    title = f"Simulation {ready.name}: {ready.vehicle.name}"
+    files = list(map(str, write_made(made, output, truth, title)))
+    simulation = made.simulation
+    forces = simulation.contact_force
+    result = {
+        "files": files,
+        "from_m": float(simulation.position[0]),
+        "to_m": float(simulation.position[-1]),
+        "samples": made.recording.sizes["sample"],
+        "least_contact_force_n": float(forces.min()),
+        "greatest_contact_force_n": float(forces.max()),
+        "notes": list(simulation.notes),
+    }
+    if as_json:
+        show.as_one_object(result)
+        return
+    show.note(simulation.notes)
+    ends = f"{result['from_m']:.0f} m to {result['to_m']:.0f} m"
+    show.say(
+        f"Recording of {result['samples']} samples from {ends} in {files[0]}, truth in {files[1]}."
+    )
+    show.say(f"Contact forces {forces.min() / 1e3:.1f} to {forces.max() / 1e3:.1f} kN.")
+    show.say(f"See it in {files[2]} or {files[3]}.")
