@@ -106,7 +106,9 @@ def write_made(
         write(made.truth, truth_file)
         write_html(page, page_file)
         write_png(picture, picture_file)
-        write(made.recording, files[0])  # whole or not at all too, with the table that its TOML names
+        write(
+            made.recording, files[0]
+        )  # whole or not at all too, with the table that its TOML names
     return files
 
 

@@ -51,6 +51,7 @@ from trackprofile.io.table import located
 from trackprofile.io.toml_document import Strict, load
 from trackprofile.irregularity import Bell, Dip, Irregularity, Sampled, Sum, random
 from trackprofile.simulation.drive import Drive
+from trackprofile.simulation.mechanics import check_step, mechanics
 from trackprofile.simulation.simulate import Run, Simulation, felt, simulate
 from trackprofile.track import Change, LayeredTrack, Track
 from trackprofile.units import quantity
@@ -298,6 +299,7 @@ def _scenario(path: Path, table: ScenarioTable, seed: int) -> Scenario:
     if table.anti_alias:
         instruments = tuple(anti_aliased(one, sampling_interval) for one in instruments)
     track = _changed(read_track(_place(table.track, beside)), table.change)
+    check_step(mechanics(vehicle), track, scheme)
     return Scenario(
         path.stem, vehicle, track, Sum(tuple(parts)), run, scheme, instruments, sampling_interval,
         table.integration.steps_per_sample, seed,

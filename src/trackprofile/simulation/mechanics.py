@@ -8,12 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
+from trackprofile.integrate import Scheme
+from trackprofile.receptance import point_track
+from trackprofile.track import ElasticTrack, Track
 from trackprofile.vehicle import HEAVE, Vehicle, assemble
 
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 """m/s², as in the paper's simulations."""
+
+FEWEST_STEPS = 5
+"""Of a period of the stiffest mode: at 5, average acceleration has that mode 11 % slow."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,34 @@ def mechanics(vehicle: Vehicle) -> Mechanics:
     freedoms = full.degrees_of_freedom[:bodies]
     weight = GRAVITY * mass * heaves
     return Mechanics(freedoms, mass, full.damping, full.stiffness, weight, offsets)
+
+
+def check_step(car: Mechanics, track: Track, scheme: Scheme) -> None:
+    """Refuse a step that does not follow the stiffest mode of the vehicle on its track.
+
+    Both schemes are stable at any step; with fewer than ``FEWEST_STEPS`` to a period they return something else.
+
+    Raises
+    ------
+    ModelError
+        With the mode's frequency and the longest step.
+    """
+    b, under = car.bodies, point_track(track)
+    mass, K = car.mass.copy(), car.K.copy()
+    free = np.arange(len(mass) if isinstance(under, ElasticTrack) else b)
+    if isinstance(under, ElasticTrack):
+        K[b:, b:] += under.stiffness * np.eye(len(mass) - b)
+        mass[b:] += under.mass
+    free = free[mass[free] > 0]
+    root = np.sqrt(mass[free])
+    fastest = np.sqrt(np.linalg.eigvalsh(K[np.ix_(free, free)] / np.outer(root, root))[-1])
+    frequency = float(fastest / (2 * np.pi))
+    longest = 1.0 / (FEWEST_STEPS * frequency)
+    if scheme.step > longest:
+        raise ModelError(
+            f"a step of {1e3 * scheme.step:g} ms is too coarse for the stiffest mode, at {frequency:.1f} Hz; take at "
+            f"most {1e3 * longest:.2g} ms"
+        )
 
 
 def static_wheel_loads(car: Mechanics) -> Array:

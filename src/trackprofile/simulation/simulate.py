@@ -14,7 +14,7 @@ from trackprofile.irregularity import Irregularity
 from trackprofile.sensor import PITCH_RATE, Sensor
 from trackprofile.simulation.drive import Drive, Followed
 from trackprofile.simulation.layered import MARGIN, LayeredRun
-from trackprofile.simulation.mechanics import mechanics
+from trackprofile.simulation.mechanics import check_step, mechanics
 from trackprofile.simulation.simple import SimpleRun
 from trackprofile.track import LayeredTrack, Track
 from trackprofile.vehicle import HEAVE, PITCH, Vehicle, displacement_row
@@ -106,6 +106,7 @@ def simulate(
     """
     _check_run(run)
     car = mechanics(vehicle)
+    check_step(car, track, scheme)
     if isinstance(track, LayeredTrack):
         model = LayeredRun.of(car, track, run.margin, run.start - run.run_in)
     else:

@@ -1,0 +1,138 @@
+"""Scenarios: what is built in runs, and what could not run is refused before anything does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trackprofile.errors import TrackprofileError
+from trackprofile.scenario import Made, read_scenario, run_scenario, scenarios
+
+BELL = """
+vehicle = "velaro"
+track = "zhai-layered"
+sensors = "bogie-25ug"
+sampling = "500 Hz"
+[run]
+start = "0 m"
+end = "30 m"
+speed = "150 km/h"
+run_in = "20 m"
+[integration]
+scheme = "newmark"
+steps_per_sample = 1
+[[irregularity]]
+kind = "bell"
+depth = "2 mm"
+width = "0.5 m"
+centre = "10 m"
+"""
+
+
+def put(folder: Path, text: str) -> Path:
+    path = folder / "scenario.toml"
+    path.write_text(text)
+    return path
+
+
+def made(folder: Path, text: str, seed: int | None = None) -> Made:
+    return run_scenario(read_scenario(put(folder, text), seed))
+
+
+@pytest.mark.parametrize("name", scenarios())
+def test_built_in_scenario_runs_and_keeps_contact(name: str) -> None:
+    result = run_scenario(read_scenario(name))
+    assert not result.simulation.notes
+    assert result.simulation.contact_force.min() > 0
+    sampled = result.recording["distance"].to_numpy()
+    truth = result.truth["distance"].to_numpy()
+    assert truth[0] <= sampled[0] + 0.25
+    assert truth[-1] >= sampled[-1] - 0.25
+    assert np.all(np.isfinite(result.truth["elevation"].to_numpy()))
+
+
+def test_soft_ballast_lets_the_rail_sink_there_alone() -> None:
+    deflection = run_scenario(read_scenario("soft-spot")).simulation
+    at, sunk = deflection.position, -deflection.rail_deflection[:, 0]
+    # A support's springs are in series: a third of the ballast's stiffness leaves 56 % of the support's.
+    assert sunk[(at > 71) & (at < 75)].mean() > 1.2 * sunk[at < 65].mean()
+    assert sunk[at > 80].mean() == pytest.approx(sunk[at < 65].mean(), rel=0.02)
+
+
+def test_seed_alone_changes_the_noise(tmp_path: Path) -> None:
+    first, again, other = (
+        made(tmp_path, BELL, seed).recording["bogie_acceleration"].to_numpy() for seed in (1, 1, 2)
+    )
+    np.testing.assert_array_equal(first, again)
+    # 25 µg/√Hz over half of 500 Hz is a standard deviation of 3.9 mm/s²; the difference of two has √2 of it.
+    assert np.std(first - other) == pytest.approx(
+        np.sqrt(2) * 25e-6 * 9.80665 * np.sqrt(250), rel=0.1
+    )
+
+
+def test_steps_per_sample_leave_the_samples_where_they_are(tmp_path: Path) -> None:
+    coarse, fine = (
+        made(tmp_path, BELL.replace("steps_per_sample = 1", f"steps_per_sample = {n}"))
+        for n in (1, 4)
+    )
+    np.testing.assert_allclose(
+        coarse.recording["distance"].to_numpy(), fine.recording["distance"].to_numpy(), atol=0.09
+    )
+
+
+def test_profile_from_a_file_is_ridden_as_the_formula_is(tmp_path: Path) -> None:
+    whole = made(tmp_path, BELL)
+    x = np.arange(-60.0, 60.0, 0.05)
+    depth = 2.0 * np.exp(-0.5 * ((x - 10.0) / 0.5) ** 2)
+    rows = "\n".join(f"{a:.3f},{-1e-3 * b:.12g}" for a, b in zip(x, depth, strict=True))
+    (tmp_path / "level.csv").write_text("distance_m,elevation_m\n" + rows + "\n")
+    i = BELL.index("[[irregularity]]")
+    again = made(tmp_path, BELL[:i] + '[[irregularity]]\nkind = "file"\npath = "level.csv"\n')
+    a, b = (one.simulation.contact_force for one in (whole, again))
+    # A quintic spline through values every 5 cm: (h/σ)⁴ of the curvature.
+    np.testing.assert_allclose(a, b, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('vehicle = "velaro"', 'vehicle = "tram"', "tram: there is no such file"),
+        ('end = "30 m"', 'end = "-1 m"', "end beyond its start"),
+        ('speed = "150 km/h"', 'speed = "0 km/h"', "speeds above 0"),
+        ('speed = "150 km/h"', 'speed = "150 kg"', "Unit 'kg' is not one of speed"),
+        ('run_in = "20 m"', 'run_in = "2 m"', "at least 10 m of running in"),
+        ("steps_per_sample = 1", "steps_per_sample = 0", "steps_per_sample"),
+        ("steps_per_sample = 1", "steps_per_sample = 1\ncolour = 3", "colour"),
+        ('scheme = "newmark"', 'scheme = "euler"', "scheme"),
+        ('sampling = "500 Hz"', 'sampling = "20 Hz"', "too coarse"),
+        ('width = "0.5 m"', 'width = "-0.5 m"', "width"),
+        ('kind = "bell"', 'kind = "hole"', "kind"),
+    ],
+)  # fmt: skip
+def test_scenario_that_could_not_run_is_refused_before_it_does(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    text = BELL.replace(old, new)
+    assert text != BELL
+    with pytest.raises(TrackprofileError, match=said):
+        read_scenario(put(tmp_path, text))
+
+
+def test_profile_that_is_shorter_than_the_run_is_refused_before_it_runs(tmp_path: Path) -> None:
+    (tmp_path / "level.csv").write_text(
+        "distance_m,elevation_m\n" + "\n".join(f"{x},0" for x in range(20)) + "\n"
+    )
+    i = BELL.index("[[irregularity]]")
+    short = BELL[:i] + '[[irregularity]]\nkind = "file"\npath = "level.csv"\n'
+    with pytest.raises(TrackprofileError, match=r"from 0 m to 19 m, but is wanted from -39"):
+        read_scenario(put(tmp_path, short))
+
+
+def test_only_a_layered_track_has_supports_to_change(tmp_path: Path) -> None:
+    change = '[[change]]\nfield = "pad_stiffness"\nfactor = 0.5\nstart = "0 m"\nend = "1 m"\n'
+    with pytest.raises(TrackprofileError, match="needs a layered track"):
+        read_scenario(put(tmp_path, BELL.replace("zhai-layered", "rigid") + change))
+    with pytest.raises(TrackprofileError, match="supports have pad_stiffness, "):
+        read_scenario(put(tmp_path, BELL + change.replace("pad_stiffness", "colour")))
