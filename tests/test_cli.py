@@ -257,6 +257,9 @@ def test_bench_measures_the_figures_that_the_readme_quotes(run: Run) -> None:
     result = json.loads(out)
     figures = {one["name"]: (one["value"], one["unit"]) for one in result["results"]}
     assert list(figures) == [
+        "model_a_us_per_step",
+        "model_b_us_per_step",
+        "model_b_10_km_over_100_m",
         "smoother_ms_per_m",
         "smoother_with_variance_ms_per_m",
         "memory_mb_per_km",

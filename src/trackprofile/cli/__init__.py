@@ -270,6 +270,9 @@ def bench(as_json: Json = False) -> None:
         return
     rows = [(one["name"], f"{one['value']:.3g}", one["unit"]) for one in result["results"]]
     show.table(("figure", "value", "unit"), rows)
+    for one in result["results"]:
+        if one["beside"]:
+            show.say(f"Beside {one['name']}: {one['beside']}.")
     show.say(result["machine"])
 
 

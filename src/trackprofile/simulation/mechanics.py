@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
 from trackprofile.integrate import Scheme
-from trackprofile.receptance import point_track
-from trackprofile.track import ElasticTrack, Track
+from trackprofile.receptance import dynamic_stiffness
+from trackprofile.track import ElasticTrack, LayeredTrack, RigidTrack, Track
 from trackprofile.vehicle import HEAVE, Vehicle, assemble
 
 Array = NDArray[np.float64]
@@ -83,13 +83,18 @@ def check_step(car: Mechanics, track: Track, scheme: Scheme) -> None:
     ModelError
         With the mode's frequency and the longest step.
     """
-    b, under = car.bodies, point_track(track)
-    mass, K = car.mass.copy(), car.K.copy()
-    free = np.arange(len(mass) if isinstance(under, ElasticTrack) else b)
-    if isinstance(under, ElasticTrack):
-        K[b:, b:] += under.stiffness * np.eye(len(mass) - b)
-        mass[b:] += under.mass
-    free = free[mass[free] > 0]
+    b, mass, K = car.bodies, car.mass, car.K.copy()
+    match track:
+        case RigidTrack():
+            free = np.arange(b)
+        case ElasticTrack():
+            free = np.flatnonzero(mass > 0)
+            K[b:, b:] += track.stiffness * np.eye(len(mass) - b)
+        case LayeredTrack():
+            free = np.flatnonzero(mass > 0)
+            K[b:, b:] += float(dynamic_stiffness(track, np.zeros(1))[0].real) * np.eye(
+                len(mass) - b
+            )
     root = np.sqrt(mass[free])
     fastest = np.sqrt(np.linalg.eigvalsh(K[np.ix_(free, free)] / np.outer(root, root))[-1])
     frequency = float(fastest / (2 * np.pi))
@@ -99,10 +104,3 @@ def check_step(car: Mechanics, track: Track, scheme: Scheme) -> None:
             f"a step of {1e3 * scheme.step:g} ms is too coarse for the stiffest mode, at {frequency:.1f} Hz; take at "
             f"most {1e3 * longest:.2g} ms"
         )
-
-
-def static_wheel_loads(car: Mechanics) -> Array:
-    """What each wheel presses with at rest on level track, N."""
-    bodies = car.bodies
-    q = np.linalg.solve(car.K[:bodies, :bodies], -car.weight[:bodies])
-    return np.asarray(car.weight[bodies:] + car.K[bodies:, :bodies] @ q, np.float64)
