@@ -203,3 +203,7 @@ def test_papers_step_of_2_ms_costs_what_the_independent_program_finds(oracle: Pa
     cost = differences(coarse, at_same_times, theirs(oracle, "bell")[1][3::4])
     assert cost["bogie acceleration"] == pytest.approx(0.163, rel=0.03)
     assert cost["pitch rate"] == pytest.approx(0.030, rel=0.05)
+    # Ours alone: with Wilson's θ, as the paper has it, a quarter.
+    coarse, _ = ours(oracle, "bell_2ms", wilson)
+    cost = differences(coarse, at_same_times, theirs(oracle, "bell")[1][3::4])
+    assert cost["bogie acceleration"] == pytest.approx(0.25, rel=0.05)

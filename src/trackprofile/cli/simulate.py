@@ -23,6 +23,10 @@ def simulate(
     seed: Annotated[
         int | None, typer.Option(help="Of the sensors' noise, in place of the scenario's.")
     ] = None,
+    check_step: Annotated[
+        bool,
+        typer.Option("--check-step", help="Simulate with half the step too, and say what changes."),
+    ] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object and nothing else.")
     ] = False,
@@ -32,12 +36,13 @@ def simulate(
     Beside RECORDING a page (.html) and a picture (.png) of the same name show what happened.
     """
     from trackprofile.outputs import made_files, write_made
-    from trackprofile.scenario import read_scenario, run_scenario
+    from trackprofile.scenario import read_scenario, run_scenario, step_errors
 
     made_files(output, truth)
     ready = read_scenario(scenario, seed)
     with show.progress_bars() as progress:
         made = run_scenario(ready, progress or (lambda stage, share: None))
+    changes = step_errors(ready, made) if check_step else {}
     title = f"Simulation {ready.name}: {ready.vehicle.name}"
     files = list(map(str, write_made(made, output, truth, title)))
     simulation = made.simulation
@@ -49,6 +54,7 @@ def simulate(
         "samples": made.recording.sizes["sample"],
         "least_contact_force_n": float(forces.min()),
         "greatest_contact_force_n": float(forces.max()),
+        "change_at_half_the_step": changes,
         "notes": list(simulation.notes),
     }
     if as_json:
@@ -60,4 +66,6 @@ def simulate(
         f"Recording of {result['samples']} samples from {ends} in {files[0]}, truth in {files[1]}."
     )
     show.say(f"Contact forces {forces.min() / 1e3:.1f} to {forces.max() / 1e3:.1f} kN.")
+    for name, change in changes.items():
+        show.say(f"At half the step {name} changes by {100 * change:.2g} %.")
     show.say(f"See it in {files[2]} or {files[3]}.")

@@ -1,0 +1,167 @@
+"""The tables of a scenario's TOML, and what may stand in them; `trackprofile.scenario` shows one."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt
+from pydantic_core import PydanticCustomError
+
+from trackprofile.errors import FileError, UnitError
+from trackprofile.integrate import PAPERS_THETA
+from trackprofile.io import read
+from trackprofile.io.model_tables import Instrument
+from trackprofile.io.model_toml import read_roughness
+from trackprofile.io.toml_document import Strict
+from trackprofile.irregularity import Bell, Dip, Irregularity, Sampled, random
+from trackprofile.track import Change
+from trackprofile.units import quantity
+
+
+def placed(name: str, beside: Path) -> str | Path:
+    """A preset's name as it is, or the file of that name beside the scenario."""
+    return beside / name if (beside / name).is_file() else name
+
+
+def _si(dimension: str, value: object) -> float:
+    """A number with its unit, in SI."""
+    problem = f"expected text: a number and its unit of {dimension}"
+    try:
+        if isinstance(value, str):
+            return quantity(value, dimension)
+    except UnitError as error:
+        problem = str(error).rstrip(".")
+    raise PydanticCustomError("quantity", "{problem}", {"problem": problem})
+
+
+def _from_the_first(value: object) -> object:
+    """One speed as a table of speeds."""
+    return value if isinstance(value, list) else [{"time": "0 s", "speed": value}]
+
+
+Length = Annotated[float, BeforeValidator(partial(_si, "length"))]
+Time = Annotated[float, BeforeValidator(partial(_si, "time"))]
+Speed = Annotated[float, BeforeValidator(partial(_si, "speed"))]
+Frequency = Annotated[float, BeforeValidator(partial(_si, "frequency"))]
+
+
+class SpeedTable(Strict):
+    time: Time
+    speed: Speed
+
+
+class RunTable(Strict):
+    start: Length
+    end: Length
+    speed: Annotated[list[SpeedTable], BeforeValidator(_from_the_first)]
+    run_in: Length = 100.0
+
+
+class IntegrationTable(Strict):
+    scheme: Literal["newmark", "wilson"] = "newmark"
+    steps_per_sample: PositiveInt
+    theta: float = PAPERS_THETA
+
+
+class BellTable(Strict):
+    kind: Literal["bell"]
+    depth: Length
+    width: Length
+    centre: Length
+
+    def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
+        """As the simulation takes it."""
+        return Bell(self.depth, self.width, self.centre)
+
+
+class DipTable(Strict):
+    kind: Literal["dip"]
+    depth: Length
+    half_length: Length
+    position: Length
+    count: PositiveInt = 1
+    spacing: Length = 25.0
+
+    def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
+        """As the simulation takes it."""
+        return Dip(self.depth, self.half_length, self.position, self.count, self.spacing)
+
+
+class RandomTable(Strict):
+    kind: Literal["random"]
+    spectrum: str
+    seed: NonNegativeInt
+    shortest: Length = 1.5
+    longest: Length = 100.0
+
+    def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
+        """As the simulation takes it."""
+        spectrum = read_roughness(placed(self.spectrum, beside))
+        return random(spectrum, self.seed, self.shortest, self.longest, span[1] - span[0])
+
+
+class FileTable(Strict):
+    kind: Literal["file"]
+    path: str
+
+    def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
+        """As the simulation takes it; refused where it does not cover the span."""
+        profile = read(beside / self.path)
+        if profile.attrs["kind_of_data"] != "profile":
+            raise FileError(f"{self.path}: it is no profile; give one with distance and elevation.")
+        made = Sampled(profile["distance"].to_numpy(), profile["elevation"].to_numpy())
+        made.at(np.array(span))
+        return made
+
+
+class ChangeTable(Strict):
+    field: str
+    factor: float
+    start: Length
+    end: Length
+
+    def made(self) -> Change:
+        """As the simulation takes it."""
+        return Change(self.field, self.factor, self.start, self.end)
+
+
+KINDS: dict[str, type[Strict]] = {
+    "bell": BellTable, "dip": DipTable, "random": RandomTable, "file": FileTable
+}  # fmt: skip
+
+
+def _known(table: object) -> object:
+    """Refuse a key that its kind has not: for a union of tables, the reader cannot say which there are."""
+    kind = KINDS.get(str(table.get("kind"))) if isinstance(table, dict) else None
+    for key in table if isinstance(table, dict) and kind else ():
+        if key not in kind.model_fields:
+            raise PydanticCustomError(
+                "key", "unknown key {key}; the keys there are {known}",
+                {"key": repr(key), "known": ", ".join(kind.model_fields)},
+            )  # fmt: skip
+    return table
+
+
+AnyIrregularity = Annotated[
+    BellTable | DipTable | RandomTable | FileTable,
+    Field(discriminator="kind"),
+    BeforeValidator(_known),
+]
+
+
+class ScenarioTable(Strict):
+    source: str = ""
+    vehicle: str
+    track: str = "rigid"
+    sensors: str | None = None
+    sensor: list[Instrument] = Field(default_factory=list)
+    sampling: Frequency
+    anti_alias: bool = True
+    seed: NonNegativeInt = 0
+    run: RunTable
+    integration: IntegrationTable
+    irregularity: list[AnyIrregularity] = Field(default_factory=list)
+    change: list[ChangeTable] = Field(default_factory=list)
