@@ -39,17 +39,15 @@ def marched(scheme: Scheme, until: float) -> Response:
 
 @SCHEMES
 def test_error_falls_with_the_square_of_the_step(scheme: Callable[[float], Scheme]) -> None:
-    until, steps = 4.0, 0.08 / 2.0 ** np.arange(5)
+    until, steps = 4.0, 0.04 / 2.0 ** np.arange(5)
     errors = []
     for step in steps:
         made = marched(scheme(step), until)
         parts = (made.displacement, made.velocity, made.acceleration)
         errors.append([np.max(np.abs(p[-1] - e)) for p, e in zip(parts, exact(until), strict=True)])
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    # The next term of the error is larger by a factor ω Δt at most, which bends the line by less than 0.1.
-    np.testing.assert_allclose(order[:2], 2.0, atol=0.1)
-    # Wilson's ẍ is linear over θ Δt and in equilibrium only there, so it lags by O(Δt²) too.
-    assert order[2] == pytest.approx(2.0, abs=0.1)
+    # The error's next term is smaller by some ω Δt < 0.1 at the coarsest step, so the slope lies within 0.1.
+    np.testing.assert_allclose(order, 2.0, atol=0.1)
 
 
 def energy(made: Response) -> Array:
@@ -65,24 +63,21 @@ def test_free_undamped_motion_keeps_or_loses_its_energy(scheme: Callable[[float]
         # Each step rounds some 10 sums of relative ε; were all of one sign, 1e5 steps would add up to 2e-10.
         np.testing.assert_allclose(held, held[0], rtol=10 * steps * np.finfo(float).eps)
     else:
-        # At every step of the first 200; the two modes' numerical damping ends in nothing.
-        assert np.all(np.diff(held[:200:20]) < 0)
-        assert held[-1] < 1e-12 * held[0]
+        # Over some four periods of the slower mode, not from step to step, within a period it swings by (ω Δt)².
+        assert np.all(np.diff(held[:2000:200]) < 0)
+        assert held[-1] < 1e-3 * held[0]
 
 
-@pytest.mark.parametrize("periods", [3.0, 100.0])
-def test_wilson_damps_as_its_amplification_matrix_does(periods: float) -> None:
-    # x, ẋ, ẍ of one mass from unit starts give the matrix of one step; its largest eigenvalue is the decay.
-    one, step = np.eye(1), periods
-    starts = np.eye(3)
-    columns = []
-    for x, v, a in starts:
+@pytest.mark.parametrize("step", [0.3, 3.0, 100.0])
+def test_wilson_is_stable_at_any_step(step: float) -> None:
+    # x, ẋ and ẍ of one mass from unit starts are the columns of the matrix of one step.
+    one, columns = np.eye(1), []
+    for x, v, a in np.eye(3):
         made = integrate(
             wilson(step), one, 0 * one, one, np.zeros((1, 1)), *(np.array([i]) for i in (x, v, a))
         )
         columns.append([made.displacement[1, 0], made.velocity[1, 0], made.acceleration[1, 0]])
     radius = np.max(np.abs(np.linalg.eigvals(np.array(columns).T)))
-    # Unconditionally stable: no step, however long, lets it grow.
     assert radius < 1
 
 
@@ -102,8 +97,8 @@ def test_rest_under_a_constant_load_stays_the_static_solution(
 def test_damped_motion_comes_to_rest_at_the_static_solution(
     scheme: Callable[[float], Scheme],
 ) -> None:
-    made = integrate(scheme(0.3), M, C, K, np.tile(PUSH, (1000, 1)), START, PACE)
-    # The slower mode dies by at least e^(-0.1 t), over 300 s e^-30 = 1e-13.
+    made = integrate(scheme(0.3), M, C, K, np.tile(PUSH, (2000, 1)), START, PACE)
+    # The slower mode dies as e^(-0.066 t), over 600 s to 1e-17.
     np.testing.assert_allclose(made.displacement[-1], np.linalg.solve(K, PUSH), rtol=1e-11)
 
 

@@ -101,7 +101,7 @@ def test_profile_from_a_file_is_ridden_as_the_formula_is(tmp_path: Path) -> None
         ('vehicle = "velaro"', 'vehicle = "tram"', "tram: there is no such file"),
         ('end = "30 m"', 'end = "-1 m"', "end beyond its start"),
         ('speed = "150 km/h"', 'speed = "0 km/h"', "speeds above 0"),
-        ('speed = "150 km/h"', 'speed = "150 kg"', "Unit 'kg' is not one of speed"),
+        ('speed = "150 km/h"', 'speed = "150 kg"', "unit 'kg' is not one of speed"),
         ('run_in = "20 m"', 'run_in = "2 m"', "at least 10 m of running in"),
         ("steps_per_sample = 1", "steps_per_sample = 0", "steps_per_sample"),
         ("steps_per_sample = 1", "steps_per_sample = 1\ncolour = 3", "colour"),

@@ -64,7 +64,6 @@ PRESETS = Path(str(files("trackprofile") / "presets" / "scenario"))
 TRUTH_SPACING = 0.25
 """m between the points of the true profile, as EN 13848-2 asks."""
 
-
 SOURCE = "simulated by trackprofile simulate: no train measured this"
 
 

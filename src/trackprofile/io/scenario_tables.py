@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt
@@ -133,15 +133,15 @@ KINDS: dict[str, type[Strict]] = {
 }  # fmt: skip
 
 
-def _known(table: object) -> object:
+def _known(table: Any) -> Any:
     """Refuse a key that its kind has not: for a union of tables, the reader cannot say which there are."""
     kind = KINDS.get(str(table.get("kind"))) if isinstance(table, dict) else None
-    for key in table if isinstance(table, dict) and kind else ():
-        if key not in kind.model_fields:
-            raise PydanticCustomError(
-                "key", "unknown key {key}; the keys there are {known}",
-                {"key": repr(key), "known": ", ".join(kind.model_fields)},
-            )  # fmt: skip
+    unknown = [key for key in table if key not in kind.model_fields] if kind else []
+    if kind and unknown:
+        raise PydanticCustomError(
+            "key", "unknown key {key}; the keys there are {known}",
+            {"key": repr(unknown[0]), "known": ", ".join(kind.model_fields)},
+        )  # fmt: skip
     return table
 
 

@@ -25,6 +25,7 @@ _MILLI = 1e3
 _SHOWN_IN = {"vertical acceleration": ("m/s²", 1.0), "pitch rate": ("mrad/s", _MILLI)}
 ELEVATION, INTERVAL, GAP = "elevation", "95 % interval", "no data"
 MEASURED, REPRODUCED, RESIDUAL = "measured", "reproduced", "residual"
+SIMULATED = "simulated"
 # Okabe and Ito (2008): told apart by colour-blind readers too.
 COLOURS = {
     ELEVATION: "#0072B2",
@@ -32,6 +33,7 @@ COLOURS = {
     MEASURED: "#8C8C8C",
     REPRODUCED: "#D55E00",
     RESIDUAL: "#009E73",
+    SIMULATED: "#555555",
     GAP: "#BBBBBB",
 }
 WIDTHS = {ELEVATION: 1.2, MEASURED: 2.2, REPRODUCED: 0.8, RESIDUAL: 0.9}
@@ -217,13 +219,16 @@ def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
     return Interval(track.distance[kept], low[kept], high[kept])
 
 
-def channel_panels(channel: Channel, where: Array, model: ArrayLike | None) -> list[Panel]:
+def channel_panels(
+    channel: Channel, where: Array, model: ArrayLike | None, called: str = MEASURED
+) -> list[Panel]:
+    """A sensor's signal under the name ``called`` and, where a model reproduces it, what that leaves."""
     unit, factor = _SHOWN_IN[channel.quantity]
     valid = True if channel.valid is None else channel.valid
     measured = factor * np.where(valid, channel.values, np.nan)
     name = channel.quantity.capitalize()
     about = f"{channel.body}, {_place(channel.position)}"
-    lines = [line_of(MEASURED, where, measured)]
+    lines = [line_of(called, where, measured)]
     if model is None:
         return [Panel(name, about, unit, tuple(lines))]
     signal = factor * np.asarray(model, dtype=float)

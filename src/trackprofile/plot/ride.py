@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from trackprofile.contracts import channels
-from trackprofile.plot.chart import ELEVATION, Chart, Panel, channel_panels, line_of
+from trackprofile.plot.chart import ELEVATION, SIMULATED, Chart, Panel, channel_panels, line_of
 from trackprofile.simulation.simulate import Simulation
 
 _MILLI, _KILO = 1e3, 1e-3
@@ -31,7 +31,7 @@ def ride_chart(
     panels = [Panel("Profile", "unloaded", "mm", (profile,), height=1.2)]
     where = recording["distance"].to_numpy()
     for channel in channels(recording):
-        panels += channel_panels(channel, where, None)
+        panels += channel_panels(channel, where, None, SIMULATED)
     panels.append(_under_wheels("Contact force", "kN", _KILO, simulation.contact_force, simulation))
     if np.any(simulation.rail_deflection):
         panels.append(
@@ -42,15 +42,17 @@ def ride_chart(
     ran = f"{speeds.min():.0f} km/h"
     if np.ptp(speeds) > 1.0:
         ran = f"{speeds.min():.0f} to {speeds.max():.0f} km/h"
-    return Chart(span, " · ".join([ran, *simulation.notes]), (first, last), tuple(panels), ())
+    notes = [ran, "distance is that of the leading wheel", *simulation.notes]
+    return Chart(span, " · ".join(notes), (first, last), tuple(panels), ())
 
 
 def _under_wheels(
     name: str, unit: str, factor: float, values: np.ndarray, simulation: Simulation
 ) -> Panel:
     wheels = [part for part, _ in simulation.freedoms[-values.shape[1] :]]
+    # From the second colour on: the first is the elevation's.
     lines = tuple(
-        line_of(wheel, simulation.position, factor * values[:, i], i)
+        line_of(wheel, simulation.position, factor * values[:, i], i + 1)
         for i, wheel in enumerate(wheels)
     )
     low, high = factor * float(values.min()), factor * float(values.max())
