@@ -13,8 +13,17 @@ from hypothesis import strategies as st
 
 from trackprofile.bands import D1, band_pass
 from trackprofile.errors import DataError
-from trackprofile.plot import profile_figure, profile_picture, write_html, write_png
+from trackprofile.plot import (
+    profile_figure,
+    profile_picture,
+    ride_figure,
+    ride_picture,
+    write_html,
+    write_png,
+)
 from trackprofile.plot.chart import MOST_POINTS, chart_of, extremes
+from trackprofile.plot.ride import ride_chart
+from trackprofile.simulation.simulate import Simulation
 
 DISTANCE = np.arange(0.0, 500.0, 0.25)
 LEVEL = 2e-3 * np.sin(2 * np.pi * DISTANCE / 10) + 3e-3 * np.sin(2 * np.pi * DISTANCE / 40)
@@ -199,3 +208,58 @@ def test_importing_the_room_loads_neither_plotly_nor_matplotlib():
     code = "import sys, trackprofile.plot; print({'plotly', 'matplotlib'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def a_ride(force=150e3, deflection=-1.6e-3):
+    wheels = np.ones((DISTANCE.size, 2))
+    names = (("body", "heave"), ("wheel 1", "heave"), ("wheel 2", "heave"))
+    still = np.zeros((DISTANCE.size, 3))
+    speed = np.linspace(20.0, 30.0, DISTANCE.size)
+    return Simulation(
+        DISTANCE / 20, DISTANCE, speed, names, still, still, still, force * wheels, deflection * wheels, ()
+    )  # fmt: skip
+
+
+def test_chart_of_a_ride_shows_profile_signals_forces_and_deflections_in_their_units():
+    chart = ride_chart(a_profile(), a_recording(), a_ride(), "A ride")
+    assert [(panel.name, panel.unit) for panel in chart.panels] == [
+        ("Profile", "mm"),
+        ("Vertical acceleration", "m/s²"),
+        ("Pitch rate", "mrad/s"),
+        ("Contact force", "kN"),
+        ("Rail deflection", "mm"),
+    ]
+    profile, signal, _, force, deflection = (panel.lines[0] for panel in chart.panels)
+    assert profile.y == pytest.approx(1e3 * LEVEL)
+    assert signal.name == "simulated"
+    assert force.y == pytest.approx(150.0)
+    assert deflection.y == pytest.approx(-1.6)
+    assert chart.title == "A ride, 0 to 500 m"
+    assert chart.note.startswith("72 to 108 km/h")
+
+
+def test_every_wheel_of_a_ride_has_a_colour_of_its_own_that_no_other_line_has():
+    *_, force, deflection = ride_chart(a_profile(), a_recording(), a_ride(), "").panels
+    assert [line.name for line in force.lines] == ["wheel 1", "wheel 2"]
+    assert [line.colour for line in force.lines] == [line.colour for line in deflection.lines]
+    colours = [
+        line.colour
+        for panel in chart_of(a_profile(), None, None, {}).panels
+        for line in panel.lines
+    ]
+    assert len({*colours, *(line.colour for line in force.lines)}) == len(set(colours)) + 2
+
+
+def test_a_rigid_track_has_no_deflection_to_draw_and_lift_off_is_said_beside_the_forces():
+    chart = ride_chart(a_profile(), a_recording(), a_ride(force=-1e3, deflection=0.0), "")
+    assert chart.panels[-1].name == "Contact force"
+    assert chart.panels[-1].about == "-1 to -1 kN: below 0 the wheel would lift off"
+
+
+def test_picture_of_a_ride_has_the_same_panels_as_its_page():
+    ridden = (a_profile(), a_recording(), a_ride(), "A ride")
+    page, picture = ride_figure(*ridden), ride_picture(*ridden)
+    titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in picture.axes]
+    assert titles == [note.text for note in page.layout.annotations]
+    names = [trace.name for trace in page.data]
+    assert names == ["elevation", "simulated", "simulated", *["wheel 1", "wheel 2"] * 2]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from trackprofile.errors import TrackprofileError
-from trackprofile.scenario import Made, read_scenario, run_scenario, scenarios
+from trackprofile.scenario import PRESETS, Made, read_scenario, run_scenario, scenarios
 
 BELL = """
 vehicle = "velaro"
@@ -109,6 +110,15 @@ def test_profile_from_a_file_is_ridden_as_the_formula_is(tmp_path: Path) -> None
         ('sampling = "500 Hz"', 'sampling = "20 Hz"', "too coarse"),
         ('width = "0.5 m"', 'width = "-0.5 m"', "width"),
         ('kind = "bell"', 'kind = "hole"', "kind"),
+        ('width = "0.5 m"', 'widht = "0.5 m"', "irregularity 1: unknown key 'widht'; the keys there are"),
+        ('width = "0.5 m"', 'width = "0.5 kg"', "width: unit 'kg' is not one of length"),
+        ('width = "0.5 m"', "width = 0.5", "width: expected text: a number and its unit of length"),
+        ('run_in = "20 m"', 'runin = "20 m"', "unknown key 'runin' in run"),
+        ('end = "30 m"', 'end = "0.1 m"', "less than two samples"),
+        ('sampling = "500 Hz"', 'sampling = "500 Hz"\nseed = -1', "seed"),
+        ('sensors = "bogie-25ug"', "", "either sensors"),
+        ('vehicle = "velaro"', 'vehicle = "quarter-car"', "'quarter-car' does not have"),
+        ('"150 km/h"', '[{ time = "0 s", speed = "9 m/s" }, { time = "0 s", speed = "9 m/s" }]', "times that increase"),
     ],
 )  # fmt: skip
 def test_scenario_that_could_not_run_is_refused_before_it_does(
@@ -136,3 +146,90 @@ def test_only_a_layered_track_has_supports_to_change(tmp_path: Path) -> None:
         read_scenario(put(tmp_path, BELL.replace("zhai-layered", "rigid") + change))
     with pytest.raises(TrackprofileError, match="supports have pad_stiffness, "):
         read_scenario(put(tmp_path, BELL + change.replace("pad_stiffness", "colour")))
+
+
+@pytest.mark.parametrize("irregularity", ["irregularity = [3]", "[[irregularity]]\nkind = []"])
+def test_irregularity_that_is_no_table_of_a_kind_is_refused(
+    tmp_path: Path, irregularity: str
+) -> None:
+    head = BELL[: BELL.index("[run]")]
+    tail = BELL[BELL.index("[run]") : BELL.index("[[irregularity]]")]
+    text = (
+        head + irregularity + "\n" + tail
+        if "[[" not in irregularity
+        else head + tail + irregularity
+    )
+    with pytest.raises(TrackprofileError, match="irregularity 1"):
+        read_scenario(put(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "said"),
+    [
+        ("vehicle", "value = 3.5", "value = -3.5", "'leading bogie' must be positive"),
+        ("track", "value = 0.545", "value = 0", "spacing must be above 0, got 0"),
+        ("track", "value = 125.5", "value = -1", "sleeper mass must be above 0, got -1"),
+    ],
+)
+def test_impossible_file_beside_the_scenario_is_named(
+    tmp_path: Path, file: str, old: str, new: str, said: str
+) -> None:
+    preset = {"vehicle": "velaro", "track": "zhai-layered"}[file]
+    whole = (PRESETS.parent / file / f"{preset}.toml").read_text()
+    (tmp_path / "mine.toml").write_text(whole.replace(old, new))
+    text = BELL.replace(f'{file} = "{preset}"', f'{file} = "mine.toml"')
+    with pytest.raises(TrackprofileError, match=f"mine.toml: .*{said}"):
+        read_scenario(put(tmp_path, text))
+
+
+@pytest.mark.parametrize("scheme", ["newmark", "wilson"])
+def test_profile_that_reaches_as_far_as_was_asked_is_enough(tmp_path: Path, scheme: str) -> None:
+    i = BELL.index("[[irregularity]]")
+    text = BELL[:i].replace("newmark", scheme) + '[[irregularity]]\nkind = "file"\npath = "l.csv"\n'
+
+    def levels(first: float, last: float) -> str:
+        x = np.linspace(first, last, 500)
+        return "distance_m,elevation_m\n" + "\n".join(f"{one!r},0" for one in x.tolist()) + "\n"
+
+    (tmp_path / "l.csv").write_text(levels(0.0, 1.0))
+    with pytest.raises(TrackprofileError, match="is wanted from") as caught:
+        read_scenario(put(tmp_path, text))
+    asked = re.search(r"wanted from (\S+) m to (\S+) m;", str(caught.value))
+    assert asked is not None
+    first, last = float(asked[1]), float(asked[2])
+    assert first <= -20.0 - 19.875
+    (tmp_path / "l.csv").write_text(levels(first - 1e-3, last + 1e-3))
+    assert made(tmp_path, text).simulation.contact_force.min() > 0
+
+
+def test_sensor_may_stand_in_the_scenario_itself(tmp_path: Path) -> None:
+    sensor = """
+[[sensor]]
+name = "floor"
+quantity = "vertical acceleration"
+body = "body"
+position = 6.0
+unit = "m/s²"
+range = 20
+"""
+    recording = made(tmp_path, BELL.replace('sensors = "bogie-25ug"\n', "") + sensor).recording
+    assert recording["floor"].attrs["position"] == 6.0
+    assert 1e-4 < np.abs(recording["floor"].to_numpy()).max() < 1.0
+    with pytest.raises(TrackprofileError, match="either sensors"):
+        read_scenario(put(tmp_path, BELL + sensor))
+
+
+def test_recording_says_that_it_is_simulated_and_of_which_vehicle(tmp_path: Path) -> None:
+    recording = made(tmp_path, BELL).recording
+    assert "no train measured this" in recording.attrs["source"]
+    assert recording.attrs["vehicle"] == "velaro"
+
+
+def test_truth_begins_where_the_whole_irregularity_was_ridden(tmp_path: Path) -> None:
+    # Of 20 m of running in, the irregularity grows over the first ten; the car is longer.
+    assert made(tmp_path, BELL).truth["distance"].to_numpy()[0] == -10.0
+
+
+def test_wheel_that_would_lift_off_is_told_of(tmp_path: Path) -> None:
+    notes = made(tmp_path, BELL.replace("2 mm", "30 mm")).simulation.notes
+    assert "contact forces turn negative, first of 'wheel 1'" in notes[0]

@@ -21,7 +21,7 @@ from trackprofile.plot import (
     write_html,
     write_png,
 )
-from trackprofile.scenario import Made
+from trackprofile.scenario import SOURCE, Made
 
 
 def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
@@ -75,7 +75,7 @@ def made_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Pa
 
     Raises
     ------
-    FileError : they could not be written there.
+    FileError : they could not be written there, or would replace each other, or what was not simulated.
 
     Examples
     --------
@@ -87,6 +87,17 @@ def made_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Pa
     format_to_write("profile", truth)
     files = (recording, truth, recording.with_suffix(".html"), recording.with_suffix(".png"))
     check_places(*files)
+    # A recording as a TOML has a table beside it.
+    table = recording.with_suffix(".csv") if recording.suffix.lower() == ".toml" else recording
+    if truth.absolute() in {recording.absolute(), table.absolute()}:
+        raise FileError(f"{truth}: the recording takes that name; give the truth another.")
+    for file in {recording, table}:
+        if file.exists() and not _is_simulated(recording):
+            raise FileError(
+                f"{file}: it is there already and was not simulated; choose another name."
+            )
+    if truth.exists() and not _is_profile(truth):
+        raise FileError(f"{truth}: it is there already and is no profile; choose another name.")
     return files
 
 
@@ -106,9 +117,8 @@ def write_made(
         write(made.truth, truth_file)
         write_html(page, page_file)
         write_png(picture, picture_file)
-        write(
-            made.recording, files[0]
-        )  # whole or not at all too, with the table that its TOML names
+        # Whole or not at all too, with the table that its TOML names.
+        write(made.recording, files[0])
     return files
 
 
@@ -137,5 +147,12 @@ def summary(estimate: Estimate) -> dict[str, Any]:
 def _is_profile(path: Path) -> bool:
     try:
         return read(path).attrs["kind_of_data"] == "profile"
+    except TrackprofileError:
+        return False
+
+
+def _is_simulated(path: Path) -> bool:
+    try:
+        return read(path).attrs.get("source") == SOURCE
     except TrackprofileError:
         return False

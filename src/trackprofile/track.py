@@ -70,9 +70,9 @@ class Support:
 
     def __post_init__(self) -> None:
         for name in SUPPORT_FIELDS:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0) or (name.endswith("mass") and value == 0):
-                least = "above" if name.endswith("mass") else "at least"
+            value, damping = getattr(self, name), name.endswith("damping")
+            if not (np.isfinite(value) and value >= 0) or (value == 0 and not damping):
+                least = "at least" if damping else "above"
                 raise ModelError(
                     f"support: {name.replace('_', ' ')} must be {least} 0, got {value:g}"
                 )

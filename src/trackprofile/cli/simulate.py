@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from trackprofile.cli import show
-from trackprofile.errors import FileError
 
 
 def _print_names(wanted: bool) -> None:
@@ -56,7 +54,6 @@ def simulate(
     from trackprofile.scenario import read_scenario, run_scenario, step_errors
 
     made_files(output, truth)
-    _check_apart(output, truth)
     ready = read_scenario(scenario, seed)
     with show.progress_bars() as progress:
         made = run_scenario(ready, progress or (lambda stage, share: None))
@@ -87,10 +84,3 @@ def simulate(
     for name, change in changes.items():
         show.say(f"At half the step {name} changes by {100 * change:.2g} %.")
     show.say(f"See it in {files[2]} or {files[3]}.")
-
-
-def _check_apart(recording: Path, truth: Path) -> None:
-    """See that the truth takes no name of the recording's, which as a TOML has a table beside it."""
-    table = recording.with_suffix(".csv") if recording.suffix.lower() == ".toml" else recording
-    if os.path.abspath(truth) in {os.path.abspath(recording), os.path.abspath(table)}:
-        raise FileError(f"{truth}: the recording takes that name; give the truth another.")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import xarray as xr
 
@@ -32,7 +34,10 @@ def ride_chart(
     where = recording["distance"].to_numpy()
     for channel in channels(recording):
         panels += channel_panels(channel, where, None, SIMULATED)
-    panels.append(_under_wheels("Contact force", "kN", _KILO, simulation.contact_force, simulation))
+    force = _under_wheels("Contact force", "kN", _KILO, simulation.contact_force, simulation)
+    if np.any(simulation.contact_force < 0):
+        force = replace(force, about=f"{force.about}: below 0 the wheel would lift off")
+    panels.append(force)
     if np.any(simulation.rail_deflection):
         panels.append(
             _under_wheels("Rail deflection", "mm", _MILLI, simulation.rail_deflection, simulation)
@@ -42,8 +47,8 @@ def ride_chart(
     ran = f"{speeds.min():.0f} km/h"
     if np.ptp(speeds) > 1.0:
         ran = f"{speeds.min():.0f} to {speeds.max():.0f} km/h"
-    notes = [ran, "distance is that of the leading wheel", *simulation.notes]
-    return Chart(span, " · ".join(notes), (first, last), tuple(panels), ())
+    note = f"{ran} · distance is that of the leading wheel"
+    return Chart(span, note, (first, last), tuple(panels), ())
 
 
 def _under_wheels(

@@ -81,14 +81,18 @@ def check_step(car: Mechanics, track: Track, scheme: Scheme) -> None:
     Raises
     ------
     ModelError
-        With the mode's frequency and the longest step.
+        With the mode's frequency and the longest step; where a wheel on an elastic track has no mass.
     """
     b, mass, K = car.bodies, car.mass, car.K.copy()
     match track:
         case RigidTrack():
             free = np.arange(b)
         case ElasticTrack():
-            free = np.flatnonzero(mass > 0)
+            if not np.all(mass[b:] > 0):
+                raise ModelError(
+                    "a wheel without mass cannot stand on an elastic track; give it a mass or use the rigid track"
+                )
+            free = np.arange(len(mass))
             K[b:, b:] += track.stiffness * np.eye(len(mass) - b)
         case LayeredTrack():
             free = np.flatnonzero(mass > 0)

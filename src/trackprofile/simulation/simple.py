@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.errors import ModelError
 from trackprofile.integrate import Scheme, march
 from trackprofile.irregularity import Irregularity
 from trackprofile.simulation.coupled_kernels import LARGEST
 from trackprofile.simulation.mechanics import GRAVITY, Mechanics
 from trackprofile.track import ElasticTrack, RigidTrack
-from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -32,7 +30,7 @@ class SimpleRun:
     state: Array
 
     @staticmethod
-    def of(vehicle: Vehicle, car: Mechanics, track: RigidTrack | ElasticTrack) -> SimpleRun:
+    def of(car: Mechanics, track: RigidTrack | ElasticTrack) -> SimpleRun:
         """Free are the bodies, and on an elastic track the wheels: load = push·(r, ṙ, r̈) - weight."""
         b, every, mass = car.bodies, len(car.mass), car.mass.copy()
         if isinstance(track, RigidTrack):
@@ -40,12 +38,6 @@ class SimpleRun:
             free = slice(0, b)
             K, C = car.K[:b, :b], car.C[:b, :b]
         else:
-            for wheel in vehicle.wheels:
-                if not wheel.mass > 0:
-                    raise ModelError(
-                        f"vehicle {vehicle.name!r}: wheel {wheel.name!r} has no mass, so it cannot stand on an elastic "
-                        "track; give it a mass or use the rigid track"
-                    )
             on_wheels = np.eye(every)[:, b:]
             free = slice(0, every)
             K = car.K + track.stiffness * on_wheels @ on_wheels.T

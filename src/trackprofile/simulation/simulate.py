@@ -110,7 +110,7 @@ def simulate(
     if isinstance(track, LayeredTrack):
         model = LayeredRun.of(car, track, run.margin, run.start - run.run_in)
     else:
-        model = SimpleRun.of(vehicle, car, track)
+        model = SimpleRun.of(car, track)
     first = run.start - run.run_in
     steps = int(np.floor(run.drive.duration(run.end - first) / scheme.step * (1 + 1e-12)))
     steps -= steps % run.every
