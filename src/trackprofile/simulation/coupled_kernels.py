@@ -24,6 +24,9 @@ from trackprofile.simulation.track_kernels import (
 LARGEST = 1e9
 """N that no wheel presses with: beyond it the simulation has diverged."""
 
+FARTHEST = 1.0
+"""m, or rad, that no rail, sleeper or ballast moves."""
+
 CALMING = 100.0
 """1/s, by which motion dies at the window's very ends: what stiff modes do from step to step, average acceleration
 alone would keep, and each move of the window feed."""
@@ -247,7 +250,8 @@ def ride(
         moved_on(step, p, g, h, state, reached)
         calmed(state, kept)
         moved_on(step, p, g, h, q.reshape(3, bodies, 1), right[:bodies].copy().reshape(bodies, 1))
-        if not np.max(np.abs(right[bodies:])) < LARGEST:
+        wild = not np.max(np.abs(right[bodies:])) < LARGEST
+        if wild or not np.max(np.abs(reached)) < FARTHEST:
             return k
         if (k + 1) % every == 0:
             n = (k + 1) // every - 1

@@ -207,7 +207,7 @@ def _chunk(
     if diverged >= 0:
         raise DataError(
             f"The simulation diverged after {time[diverged]:.3f} s, with the leading wheel at "
-            f"{ends[diverged, 0]:.2f} m: check the vehicle's and the track's numbers there, or take a finer step."
+            f"{ends[diverged, 0]:.2f} m: check the vehicle's and the track's numbers there, or take another step."
         )
     motion = np.asarray(np.column_stack([time, ends])[recorded], np.float64)
     return _Chunk(motion, bodies, wheels, force, deflection)
