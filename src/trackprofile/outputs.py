@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +121,20 @@ def write_made(
         # Whole or not at all too, with the table that its TOML names.
         write(made.recording, files[0])
     return files
+
+
+def made_summary(made: Made, changes: Mapping[str, float]) -> dict[str, Any]:
+    """A simulation in a few numbers, for JSON; ``changes`` are those at half the step, by sensor."""
+    simulation = made.simulation
+    return {
+        "from_m": float(simulation.position[0]),
+        "to_m": float(simulation.position[-1]),
+        "samples": made.recording.sizes["sample"],
+        "least_contact_force_n": float(simulation.contact_force.min()),
+        "greatest_contact_force_n": float(simulation.contact_force.max()),
+        "change_at_half_the_step": dict(changes),
+        "notes": list(simulation.notes),
+    }
 
 
 def summary(estimate: Estimate) -> dict[str, Any]:

@@ -8,13 +8,11 @@ from scipy.linalg import solve_banded
 
 from trackprofile.errors import ModelError
 from trackprofile.track import (
-    SUPPORT_FIELDS,
     ElasticTrack,
     LayeredTrack,
     PointTrack,
     Track,
     beam_element,
-    supports,
 )
 
 Array = NDArray[np.float64]
@@ -60,7 +58,7 @@ def dynamic_stiffness(track: LayeredTrack, frequency: Array, fraction: float = 0
     bending, inertia = beam_element(track)
     found = np.empty(len(frequency), np.complex128)
     for i, omega in enumerate(2 * np.pi * frequency):
-        bands = _bands(bending - omega**2 * inertia, _support_stiffness(track, nodes, omega))
+        bands = _bands(bending - omega**2 * inertia, _support_stiffness(track, omega), nodes)
         deflection = solve_banded((3, 3), bands, force.astype(np.complex128))
         found[i] = 1.0 / (N @ deflection[2 * middle : 2 * middle + 4])
     return found
@@ -103,27 +101,19 @@ def point_track(track: Track) -> PointTrack:
     )
 
 
-def _support_stiffness(track: LayeredTrack, nodes: int, omega: float) -> ComplexArray:
-    """Of each support, with sleeper and ballast eliminated, N/m."""
-    table = supports(
-        LayeredTrack(
-            track.name, track.rail_bending_stiffness, track.rail_mass, track.spacing, track.support
-        ),
-        0,
-        nodes,
-    )
-    of = dict(zip(SUPPORT_FIELDS, table.T, strict=True))
-    pad = of["pad_stiffness"] + 1j * omega * of["pad_damping"]
-    ballast = of["ballast_stiffness"] + 1j * omega * of["ballast_damping"]
-    ground = of["subballast_stiffness"] + 1j * omega * of["subballast_damping"]
-    below = ground - omega**2 * of["ballast_mass"]
-    under_sleeper = ballast * below / (ballast + below) - omega**2 * of["sleeper_mass"]
-    return np.asarray(pad * under_sleeper / (pad + under_sleeper), np.complex128)
+def _support_stiffness(track: LayeredTrack, omega: float) -> complex:
+    """Of a support that no change concerns, with sleeper and ballast eliminated, N/m."""
+    one = track.support
+    pad = one.pad_stiffness + 1j * omega * one.pad_damping
+    ballast = one.ballast_stiffness + 1j * omega * one.ballast_damping
+    ground = one.subballast_stiffness + 1j * omega * one.subballast_damping
+    below = ground - omega**2 * one.ballast_mass
+    under_sleeper = ballast * below / (ballast + below) - omega**2 * one.sleeper_mass
+    return pad * under_sleeper / (pad + under_sleeper)
 
 
-def _bands(element: Array, support: ComplexArray) -> ComplexArray:
-    """The rail's matrix in the diagonal form of scipy.linalg.solve_banded, (7, 2 n)."""
-    n = len(support)
+def _bands(element: Array, support: complex, n: int) -> ComplexArray:
+    """The rail's matrix over n nodes in the diagonal form of scipy.linalg.solve_banded, (7, 2 n)."""
     bands = np.zeros((7, 2 * n), np.complex128)
     for i in range(4):
         for j in range(4):

@@ -50,7 +50,7 @@ def simulate(
 
     Beside RECORDING a page (.html) and a picture (.png) of the same name show what happened.
     """
-    from trackprofile.outputs import made_files, write_made
+    from trackprofile.outputs import made_files, made_summary, write_made
     from trackprofile.scenario import read_scenario, run_scenario, step_errors
 
     made_files(output, truth)
@@ -60,27 +60,17 @@ def simulate(
     changes = step_errors(ready, made) if check_step else {}
     title = f"Simulation {ready.name}: {ready.vehicle.name}"
     files = list(map(str, write_made(made, output, truth, title)))
-    simulation = made.simulation
-    forces = simulation.contact_force
-    result = {
-        "files": files,
-        "from_m": float(simulation.position[0]),
-        "to_m": float(simulation.position[-1]),
-        "samples": made.recording.sizes["sample"],
-        "least_contact_force_n": float(forces.min()),
-        "greatest_contact_force_n": float(forces.max()),
-        "change_at_half_the_step": changes,
-        "notes": list(simulation.notes),
-    }
+    result = {"files": files} | made_summary(made, changes)
     if as_json:
         show.as_one_object(result)
         return
-    show.note(simulation.notes)
+    show.note(made.simulation.notes)
     ends = f"{result['from_m']:.0f} m to {result['to_m']:.0f} m"
     show.say(
         f"Recording of {result['samples']} samples from {ends} in {files[0]}, truth in {files[1]}."
     )
-    show.say(f"Contact forces {forces.min() / 1e3:.1f} to {forces.max() / 1e3:.1f} kN.")
+    forces = 1e-3 * made.simulation.contact_force
+    show.say(f"Contact forces {forces.min():.1f} to {forces.max():.1f} kN.")
     for name, change in changes.items():
         show.say(f"At half the step {name} changes by {100 * change:.2g} %.")
     show.say(f"See it in {files[2]} or {files[3]}.")

@@ -57,8 +57,6 @@ class LayeredRun:
 
     def begin(self, profile: Irregularity, position: float) -> None:
         """Static equilibrium at ``position``, at rest."""
-        table = supports(self.track, int(self.place[0]), self.state.shape[1])
-        _check_support(self.track, table)
         under = np.moveaxis(profile.at(position - self.car.offsets), 0, -1)[None]
         # With neither mass nor damping in it, one step of these coefficients is the static solution.
         still = Scheme(

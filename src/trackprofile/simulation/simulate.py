@@ -117,8 +117,9 @@ def simulate(
     profile = SetIn(irregularity, first, 0.5 * run.run_in)
     model.begin(profile, first)
     parts = []
-    for begin in range(0, steps, CHUNK - CHUNK % run.every):
-        count = min(CHUNK - CHUNK % run.every, steps - begin)
+    whole = CHUNK - CHUNK % run.every
+    for begin in range(0, steps, whole):
+        count = min(whole, steps - begin)
         progress("simulating", begin / max(steps, 1))
         parts.append(_chunk(model, profile, run, scheme, first, begin, count))
     progress("simulating", 1.0)
