@@ -240,6 +240,13 @@ def test_a_profile_shorter_than_the_run_is_refused() -> None:
         EVERY["sampled"].at(np.array([-1.0, 0.0]))
 
 
+def test_a_profile_may_end_a_rounding_before_the_run() -> None:
+    last = float(np.nextafter(199.5, 200.0))
+    np.testing.assert_allclose(
+        EVERY["sampled"].at(np.array([last])), EVERY["sampled"].at(np.array([199.5]))
+    )
+
+
 @pytest.mark.parametrize(
     ("distance", "elevation", "words"),
     [

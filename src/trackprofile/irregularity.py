@@ -269,7 +269,11 @@ class Sampled:
         DataError : a distance before the first value or after the last.
         """
         first, last = float(self.distance[0]), float(self.distance[-1])
-        if len(distance) and not (first <= np.min(distance) and np.max(distance) <= last):
+        # A run that ends where the file does ends a rounding beyond it.
+        rounding = 1e-12 * max(abs(first), abs(last), 1.0)
+        if len(distance) and not (
+            first - rounding <= np.min(distance) and np.max(distance) <= last + rounding
+        ):
             raise DataError(
                 f"Sampled profile: it goes from {first:g} m to {last:g} m, but is wanted from "
                 f"{np.min(distance):g} m to {np.max(distance):g} m; shorten the run or give a "

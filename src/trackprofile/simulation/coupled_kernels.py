@@ -28,8 +28,8 @@ FARTHEST = 1.0
 """m, or rad, that no rail, sleeper or ballast moves."""
 
 CALMING = 100.0
-"""1/s, by which motion dies at the window's very ends: what stiff modes do from step to step, average acceleration
-alone would keep, and each move of the window feed."""
+"""1/s, by which motion dies at the window's very ends: what the rail's stiffest modes do from step to step, average
+acceleration alone would keep."""
 
 
 @compiled

@@ -45,6 +45,8 @@ def factorised(supports, bending, inertia, ax, bx):  # pragma: no cover
         D[i] = band[i, 0]
         for m in range(1, min(i, 3) + 1):
             D[i] -= L[i, m - 1] * L[i, m - 1] * D[i - m]
+    # The leading end is clamped: a bay at rest joins a node at rest, so that no move stretches the rail.
+    D[2 * n - 2 :] = np.inf
     return L, D, condensed
 
 
