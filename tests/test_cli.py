@@ -159,6 +159,35 @@ def test_infer_keeps_to_the_stretch_and_says_what_it_did(run: Run, folder: Path)
     assert 149.0 < distance[-1] <= 150.0
 
 
+def test_cross_entropy_is_a_method_of_infer(run: Run, tmp_path: Path) -> None:
+    made, profile = tmp_path / "bell.nc", tmp_path / "profile.nc"
+    assert run("simulate", "bell-model-a", "-o", made, "--truth", tmp_path / "truth.nc")[0] == 0
+    asked = ("infer", made, "--method", "cross-entropy", "-o", profile, "--json")
+    code, out, _ = run(*asked, "--search", "table-5", "--seed", 4)
+    said = json.loads(out)
+    assert code == 0
+    assert said["method"] == "cross-entropy"
+    assert said["standard_deviation_mm"] == {}
+    assert said["phases"] == 15
+    assert said["flagged_share"]["unconverged"] == 0.0
+    assert read(profile).attrs["kind"] == "point"
+
+
+@pytest.mark.parametrize(
+    ("method", "option"),
+    [("smoother", "--search=table-5"), ("cross-entropy", "--prior=fra-4"), ("cross-entropy", "--correct")],
+)  # fmt: skip
+def test_an_option_of_the_other_method_is_refused(
+    run: Run, folder: Path, method: str, option: str
+) -> None:
+    output = folder / "profile.nc"
+    asked = ("infer", folder / "recording.toml", "-o", output, f"--method={method}", option)
+    code, _, error = run(*asked)
+    assert code == 1
+    assert "not of the method" in error
+    assert not output.exists()
+
+
 def test_a_profile_agrees_with_itself(run: Run, made: Path) -> None:
     code, out, _ = run("compare", made / "truth.csv", made / "truth.csv", "--json")
     assert code == 0

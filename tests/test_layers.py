@@ -17,7 +17,7 @@ LAYERS = (
     {"errors"},
     {"units"},
     {"contracts", "bands", "motion", "spectrum", "irregularity", "integrate"},
-    {"vehicle", "track", "sensor"},
+    {"vehicle", "track", "sensor", "search"},
     {"instrument", "receptance"},
     {"simulation", "statespace"},
     {"inference", "comparison", "assess", "io"},

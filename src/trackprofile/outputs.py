@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from trackprofile.contracts import Quality
 from trackprofile.errors import FileError, TrackprofileError
-from trackprofile.inference.estimate import Estimate
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.plot import (
@@ -23,6 +23,21 @@ from trackprofile.plot import (
     write_png,
 )
 from trackprofile.scenario import SOURCE, Made
+
+
+class Inferred(Protocol):
+    """What any method of infer gives; see `trackprofile.inference.estimate.Estimate`."""
+
+    @property
+    def profile(self) -> xr.Dataset: ...
+    @property
+    def reproduced(self) -> Mapping[str, NDArray[np.float64]]: ...
+    @property
+    def sample_distance(self) -> NDArray[np.float64]: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+    @property
+    def figures(self) -> Mapping[str, float]: ...
 
 
 def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
@@ -47,13 +62,13 @@ def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
 
 
 def write_estimate(
-    estimate: Estimate, recording: xr.Dataset, profile: str | Path
+    estimate: Inferred, recording: xr.Dataset, profile: str | Path
 ) -> tuple[Path, Path, Path]:
     """Write a profile and beside it how it looks: all three files, or none.
 
     Parameters
     ----------
-    estimate : what `trackprofile.inference.estimate` found
+    estimate : what a method of `trackprofile.inference` found
     recording : what it found it from
     profile : ends in a suffix that a profile may have
 
@@ -137,7 +152,7 @@ def made_summary(made: Made, changes: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def summary(estimate: Estimate) -> dict[str, Any]:
+def summary(estimate: Inferred) -> dict[str, Any]:
     """The extent, the uncertainty and the quality of a profile in a few numbers, for JSON."""
     profile = estimate.profile
     distance, quality = profile["distance"].to_numpy(), profile["quality"].to_numpy()
@@ -154,7 +169,7 @@ def summary(estimate: Estimate) -> dict[str, Any]:
         "flagged_share": {
             flag.name.lower(): float(np.mean(quality & flag != 0)) for flag in Quality if flag.name
         },
-        "log_likelihood": estimate.log_likelihood,
+        **estimate.figures,
         "notes": list(estimate.notes),
     }
 

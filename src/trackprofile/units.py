@@ -16,6 +16,7 @@ STANDARD_GRAVITY = 9.80665
 
 FACTORS: Mapping[str, Mapping[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3},
+    "area": {"m²": 1.0, "mm²": 1e-6},
     "time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "min": 60.0, "h": 3600.0},
     "frequency": {"Hz": 1.0, "kHz": 1e3},
     "speed": {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704},

@@ -36,6 +36,14 @@ class Method(StrEnum):
     """How `infer` finds the profile."""
 
     SMOOTHER = "smoother"
+    CROSS_ENTROPY = "cross-entropy"
+
+
+class Evaluation(StrEnum):
+    """How cross-entropy computes what a trial profile does."""
+
+    MAP = "map"
+    SIMULATION = "simulation"
 
 
 From = Annotated[float | None, typer.Option("--from", metavar="M", help="Start of the stretch, m.")]
@@ -69,49 +77,83 @@ def infer(
     from_m: From = None,
     to_m: To = None,
     draws: Annotated[int, typer.Option(min=2, help="Behind the bands' uncertainty.")] = 64,
-    seed: Annotated[int, typer.Option(help="Of the draws.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the draws, or of the search.")] = 0,
     correct: Annotated[
         bool, typer.Option("--correct", help="For a layered track: correct by its full model.")
     ] = False,
+    search: Annotated[
+        str | None,
+        typer.Option(metavar="S", help="Of cross-entropy: table-5, table-6 or a TOML."),
+    ] = None,
+    evaluation: Annotated[
+        Evaluation, typer.Option(help="Of cross-entropy's trial profiles.")
+    ] = Evaluation.MAP,
     as_json: Json = False,
 ) -> None:
     """Infer a track profile, with its uncertainty, from a recording.
 
-    Beside PROFILE a page (.html) and a picture (.png) of the same name show it.
+    Beside PROFILE a page (.html) and a picture (.png) of the same name show it. Cross-entropy, the published
+    method that the smoother replaces, gives no uncertainty.
     """
+    from trackprofile import search as searches
     from trackprofile.contracts import between
+    from trackprofile.inference.cross_entropy import INTERRUPTED, cross_entropy
     from trackprofile.inference.estimate import estimate
     from trackprofile.io.model_toml import read_spectrum, read_track
+    from trackprofile.io.search_toml import read_search
     from trackprofile.outputs import estimate_files, summary, write_estimate
 
+    _only_of(method, prior=prior, correct=correct, search=search)
     estimate_files(output)
     measured = _read(recording, "recording")
     car, installation = _vehicle_of(measured, recording, vehicle)
     support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
+    settings = None if search is None else read_search(search)
     measured = between(measured, from_m, to_m)
+    stopped = ""
     with show.progress_bars() as progress:
-        found = estimate(
-            measured,
-            car,
-            installation=installation,
-            track=support,
-            prior=spectrum,
-            draws=draws,
-            seed=seed,
-            correct=correct,
-            progress=progress,
-        )
+        if method is Method.CROSS_ENTROPY:
+            found = cross_entropy(
+                measured,
+                car,
+                installation=installation,
+                track=support,
+                search=settings,
+                evaluation=searches.Evaluation(evaluation.value),
+                seed=seed,
+                progress=progress,
+            )
+            stopped = found.stopped
+        else:
+            found = estimate(
+                measured,
+                car,
+                installation=installation,
+                track=support,
+                prior=spectrum,
+                draws=draws,
+                seed=seed,
+                correct=correct,
+                progress=progress,
+            )
     files = list(map(str, write_estimate(found, measured, output)))
     result = summary(found)
     if as_json:
         show.as_one_object({"files": files, "method": method.value} | result)
-        return
-    show.note(found.notes)
-    ends = f"{round(result['from_m'])} m to {round(result['to_m'])} m"
-    show.say(f"Profile from {ends} in {files[0]}.")
-    for band, deviation in result["standard_deviation_mm"].items():
-        show.say(f"Standard deviation in {band}: {deviation:.3f} mm")
-    show.say(f"See it in {files[1]} or {files[2]}.")
+    else:
+        show.profile(files, found.notes, result)
+    if stopped:
+        raise typer.Exit(130 if stopped == INTERRUPTED else 1)
+
+
+def _only_of(method: Method, **given: object) -> None:
+    """Refuse an option of the other method, which would otherwise be passed over in silence."""
+    others = {"search"} if method is Method.SMOOTHER else {"prior", "correct"}
+    for name in sorted(others & given.keys()):
+        if given[name]:
+            raise DataError(
+                f"--{name} is not of the method {method.value}; leave it out, or choose the other --method"
+            )
 
 
 @app.command()

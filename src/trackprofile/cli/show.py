@@ -98,3 +98,12 @@ def estimates(parameters: Mapping[str, Mapping[str, Any]]) -> None:
             for name, one in parameters.items()
         ],
     )
+
+
+def profile(files: Sequence[str], notes: Sequence[str], result: Mapping[str, Any]) -> None:
+    """What infer found, in words."""
+    note(notes)
+    say(f"Profile from {round(result['from_m'])} m to {round(result['to_m'])} m in {files[0]}.")
+    for band, deviation in result["standard_deviation_mm"].items():
+        say(f"Standard deviation in {band}: {deviation:.3f} mm")
+    say(f"See it in {files[1]} or {files[2]}.")

@@ -37,6 +37,8 @@ class Quality(IntFlag):
     """Near an end."""
     SLOW = 8
     """The train was slow or stood."""
+    UNCONVERGED = 16
+    """The search for the elevation did not end."""
 
 
 def build_profile(

@@ -63,6 +63,11 @@ class Estimate:
     notes: tuple[str, ...]
     log_likelihood: float
 
+    @property
+    def figures(self) -> dict[str, float]:
+        """What says how well it went, by name."""
+        return {"log_likelihood": self.log_likelihood}
+
 
 def infer(
     recording: xr.Dataset,

@@ -26,8 +26,8 @@ def placed(name: str, beside: Path) -> str | Path:
     return beside / name if (beside / name).is_file() else name
 
 
-def _si(dimension: str, value: object) -> float:
-    """A number with its unit, in SI."""
+def si(dimension: str, value: object) -> float:
+    """What a key of that dimension says, a number and its unit as text, in SI."""
     problem = f"expected text: a number and its unit of {dimension}"
     try:
         if isinstance(value, str):
@@ -42,10 +42,10 @@ def _from_the_first(value: object) -> object:
     return value if isinstance(value, list) else [{"time": "0 s", "speed": value}]
 
 
-Length = Annotated[float, BeforeValidator(partial(_si, "length"))]
-Time = Annotated[float, BeforeValidator(partial(_si, "time"))]
-Speed = Annotated[float, BeforeValidator(partial(_si, "speed"))]
-Frequency = Annotated[float, BeforeValidator(partial(_si, "frequency"))]
+Length = Annotated[float, BeforeValidator(partial(si, "length"))]
+Time = Annotated[float, BeforeValidator(partial(si, "time"))]
+Speed = Annotated[float, BeforeValidator(partial(si, "speed"))]
+Frequency = Annotated[float, BeforeValidator(partial(si, "frequency"))]
 
 
 class SpeedTable(Strict):

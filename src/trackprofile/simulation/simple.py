@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,10 @@ class SimpleRun:
     def offsets(self) -> Array:
         """Of the wheels, m behind the leading one."""
         return self.car.offsets
+
+    def copy(self) -> SimpleRun:
+        """The same run, which marches on by itself."""
+        return replace(self, state=self.state.copy())
 
     def begin(self, profile: Irregularity, position: float) -> None:
         """Static equilibrium at ``position``, at rest."""
