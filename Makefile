@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: help set-up demo test bench acceptance lock clean
+.PHONY: help set-up demo test docs bench acceptance lock clean
 
 help: ## these lines
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
@@ -19,6 +19,11 @@ test: $(READY) ## style, types, and all tests but those of acceptance
 	$(BIN)/pyright
 	$(BIN)/pytest -q -rs
 
+docs: $(READY) ## the manual, into docs/_build/html, and all its examples run (minutes)
+	$(BIN)/sphinx-build -q -W --keep-going -n -E -d docs/_build/doctrees docs docs/_build/html
+	$(BIN)/sphinx-build -q -W --keep-going -n -b doctest -d docs/_build/doctrees docs docs/_build/doctest
+	$(BIN)/pytest -q -rs -m "" tests/test_manual.py
+
 bench: $(READY) ## the figures of speed that the README quotes
 	$(BIN)/trackprofile bench
 
@@ -27,10 +32,10 @@ acceptance: $(READY) ## the slow tests, and those on data that stand beside the 
 
 lock: $(READY) ## choose the versions anew (needs uv: https://docs.astral.sh/uv)
 	uv pip compile --quiet --universal --generate-hashes --upgrade --no-annotate --python-version 3.11 --extra dev \
-		--custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
+		--extra docs --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
 
 clean: ## remove what the targets above made
-	rm -rf .venv demo dist .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf .venv demo dist docs/_build .pytest_cache .ruff_cache .hypothesis .benchmarks
 
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("trackprofile needs \
