@@ -21,9 +21,9 @@ LAYERS = (
     {"instrument", "receptance"},
     {"simulation", "statespace"},
     {"inference", "comparison", "assess", "io"},
-    {"plot", "scenario"},
+    {"plot", "scenario", "paper"},
     {"report", "outputs"},
-    {"demo", "bench"},
+    {"demo", "bench", "reproduction"},
     {"cli"},
     {"__main__"},
 )

@@ -10,12 +10,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from trackprofile.inference.cross_entropy import cross_entropy
 from trackprofile.inference.measured import KNOT_SPACING
 from trackprofile.inference.ride import build_ride
 from trackprofile.inference.smoother import knot_variance, prepare, smooth, start_of_ride
@@ -23,7 +25,9 @@ from trackprofile.integrate import newmark
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.irregularity import Flat
 from trackprofile.motion import Motion
+from trackprofile.paper import bell, model_b, recorded, ridden
 from trackprofile.receptance import point_track
+from trackprofile.search import TABLE_5, TABLE_6, Variant
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, simulate
 from trackprofile.statespace import state_space
@@ -35,6 +39,7 @@ SAMPLING = 500.0  # Hz
 REPETITIONS = 3
 PAPERS_STEP = 2e-3  # s
 PAPERS_RATE = "the paper, in MATLAB at 2.67 GHz: 45000 with Model A, 150000 with Model B"
+PAPERS_SEARCH = {"a": 45.0, "b": 100.0}  # s/m
 TTB_2D = "TTB-2D in Octave, one core: 6500 µs with 542 degrees of freedom, 8200 µs with 1338"
 
 
@@ -68,6 +73,7 @@ def smoother_figures() -> list[Result]:
     _smooth(2000.0, variance=True)
     return [
         *forward_figures(),
+        *search_figures(),
         Result("smoother_ms_per_m", without, "ms/m", PAPERS_RATE),  # s per 1000 m
         Result("smoother_with_variance_ms_per_m", with_variance, "ms/m"),
         Result("memory_mb_per_km", _peak_memory() - one, "MB/km"),
@@ -89,6 +95,25 @@ def forward_figures() -> list[Result]:
         Result("model_b_us_per_step", 1e6 * long, "µs", TTB_2D),
         Result("model_b_10_km_over_100_m", long / short, "of a step's cost"),
     ]
+
+
+def search_figures() -> list[Result]:
+    """Cross-entropy's figures: the paper's bell on Model A, its FRA class 6 on Model B at 150 km/h, noise-free."""
+    results = []
+    for name, case, settings, paper in (
+        ("a", bell(), TABLE_5, PAPERS_SEARCH["a"]),
+        ("b", replace(model_b("fra-6"), length=60.0), TABLE_6, PAPERS_SEARCH["b"]),
+    ):
+        recording, length = recorded(case, ridden(case)), float(case.position[-1])
+        for variant in Variant:
+            one = replace(settings, variant=variant)
+            run = partial(cross_entropy, recording, case.vehicle, track=case.track, search=one)
+            run()
+            rate, real = _best(run) / length, 1 / case.speed
+            beside = f"the paper {paper:g}, {paper / rate:.0f} times; the train {real:.3f}, {real / rate:.2f} times"
+            figure = f"cross_entropy_{name}_{variant.value}_s_per_m"
+            results.append(Result(figure, rate, "s/m", beside))
+    return results
 
 
 def _ride(vehicle: Vehicle, track: Track, length: float) -> None:
@@ -141,7 +166,7 @@ def _help() -> None:
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def _best(run: Callable[[], None]) -> float:
+def _best(run: Callable[[], object]) -> float:
     """Seconds that the quickest of three runs took."""
     taken = []
     for _ in range(REPETITIONS):

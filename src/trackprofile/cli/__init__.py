@@ -277,6 +277,24 @@ def limit(
 
 
 @app.command()
+def reproduce(
+    folder: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")
+    ] = Path("reproduction"),
+    as_json: Json = False,
+) -> None:
+    """Reproduce the paper's tables and figures, side by side with ours: a page and CSV (minutes)."""
+    from trackprofile.reproduction import reproduce as reproduced
+
+    with show.progress_bars() as progress:
+        files = reproduced(folder, progress)
+    if as_json:
+        show.as_one_object({"files": list(map(str, files))})
+        return
+    show.say(f"See {files[0]}; its numbers lie beside it in {len(files) - 1} tables.")
+
+
+@app.command()
 def demo(
     folder: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="A new folder.")

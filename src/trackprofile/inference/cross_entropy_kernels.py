@@ -112,10 +112,11 @@ def elite_covariance(x, elite):  # pragma: no cover
 
 @numba.njit(cache=True, nogil=True)
 def positive(covariance):  # pragma: no cover
-    """The same without negative variances in any direction: pairwise covariances need not be a covariance."""
+    """The same variances, without negative ones in any direction: pairwise covariances need not be a covariance."""
     values, vectors = np.linalg.eigh(covariance)
-    values = np.maximum(values, SMALLEST_SHARE * values[-1])
-    return (vectors * values) @ vectors.T
+    mended = (vectors * np.maximum(values, SMALLEST_SHARE * values[-1])) @ vectors.T
+    scale = np.sqrt(np.diag(covariance) / np.diag(mended))
+    return scale * mended * scale.reshape(-1, 1)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,0 +1,219 @@
+"""The cases of O'Brien, Bowe, Quirke and Cantero 2017: what ran over what, and what was recorded.
+
+Each is ridden twice: on the time-space grid of the search (Wilson-θ, one step to a scan), as the paper made its
+reference signals, and with Newmark at an eighth of that step, as near to the physics as matters here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from trackprofile.contracts import Channel, build_profile, build_recording
+from trackprofile.inference.trial import Trial, trial
+from trackprofile.instrument import Instrument, measure
+from trackprofile.integrate import newmark, wilson
+from trackprofile.io.model_toml import (
+    read_instruments,
+    read_spectrum,
+    read_track,
+    read_vehicle,
+)
+from trackprofile.irregularity import Bell, Irregularity, Sum, random
+from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
+from trackprofile.simulation.drive import steady
+from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.track import Track
+from trackprofile.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+FINER = 8
+"""Steps of the fine simulation to a scan."""
+
+CLASSES = ("fra-4", "fra-5", "fra-6")
+SHORTEST, LONGEST = 1.5, 100.0
+"""Wavelengths of the random profiles, m: the paper does not say."""
+TAPER = 20.0
+"""m over which they grow from level track, on which the search starts."""
+LENGTH = 200.0
+"""m of random profile: the paper does not say; enough for waves of 70 m, and for both flanks of the settlement."""
+
+LEAD = 100.0
+"""m, in which a car that swings freely comes to rest."""
+
+ACCELEROMETERS = {"A": "bogie-ms1010-stim300", "B": "bogie-adxl357-adxrs646", "C": "bogie-adxl345-lsm6dsv"}  # fmt: skip
+"""Parts that stand for the paper's, of which it shows curves but no names; its one gyroscope is that of A."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One of the paper's runs.
+
+    Parameters
+    ----------
+    speed : m/s
+    step : s between scans
+    length : m, from the start, where the vehicle stands on level track
+    start : of the leading wheel, m
+    """
+
+    name: str
+    vehicle: Vehicle
+    installation: Installation
+    track: Track
+    sensors: tuple[Sensor, ...]
+    irregularity: Irregularity
+    speed: float
+    step: float
+    length: float
+    start: float = 0.0
+
+    @property
+    def scans(self) -> int:
+        """How many there are after the start."""
+        return round(self.length / self.speed / self.step)
+
+    @property
+    def position(self) -> Array:
+        """Of the leading wheel at the start and at each scan (scans + 1,), m."""
+        run = self.speed * self.step * self.scans
+        return np.linspace(self.start, self.start + run, self.scans + 1)
+
+    @property
+    def truth(self) -> xr.Dataset:
+        """The profile contract, at each scan."""
+        place = self.position[1:]
+        return build_profile(place, self.irregularity.at(place)[0], kind="truth")
+
+
+def bell() -> Case:
+    """Figure 13: Model A over an inverted bell.
+
+    Examples
+    --------
+    >>> bell().scans
+    800
+    """
+    return _model_a("bell", Bell(2e-3, 0.5, 5.0), 20.0)
+
+
+def model_a(grade: str) -> Case:
+    """Figure 14: Model A over a random profile; ``grade`` such as fra-4."""
+    return _model_a(grade, _random(grade), LENGTH)
+
+
+def model_b(grade: str) -> Case:
+    """Figure 17: Model B over the same."""
+    return _model_b(grade, _random(grade), LENGTH)
+
+
+def settlement() -> Case:
+    """Figure 18: Model B over a settlement of 40 mm and FRA class 4."""
+    return _model_b("settlement", Sum((Bell(40e-3, 10.0, 100.0), _random("fra-4"))), LENGTH)
+
+
+def with_lead(case: Case) -> Case:
+    """The same with level track before and more of its own after, as any train's recording has it."""
+    return replace(case, start=case.start - LEAD, length=case.length + 2 * LEAD)
+
+
+def ridden(case: Case) -> Array:
+    """What the sensors feel on the search's own grid, (scans + 1, sensors)."""
+    car = model(case)
+    r = case.irregularity.at(car.place)[0]
+    r[: car.before] = 0.0
+    return np.vstack([np.zeros(len(case.sensors)), car.signals(r, 0, case.scans)])
+
+
+def model(case: Case) -> Trial:
+    """The search's model of the case, at its start."""
+    scheme, speed = wilson(case.step), np.full(case.scans + 1, case.speed)
+    return trial(case.vehicle, case.track, case.sensors, scheme, case.position, speed)
+
+
+def finely_ridden(case: Case) -> Array:
+    """The same at an eighth of the step, by the forward model of `trackprofile simulate`."""
+    run = Run(case.start, float(case.position[-1]), steady(case.speed), run_in=1.0)
+    done = simulate(case.vehicle, case.track, case.irregularity, run, newmark(case.step / FINER))
+    signals = [felt(done, case.vehicle, sensor) for sensor in case.sensors]
+    return np.stack(signals, axis=1)[::FINER][: case.scans + 1]
+
+
+def recorded(
+    case: Case, signals: Array, instruments: Sequence[Instrument] = (), seed: int = 0
+) -> xr.Dataset:
+    """The recording contract: as they are, or as the instruments read them.
+
+    Parameters
+    ----------
+    signals : (scans + 1, sensors)
+    instruments : one to a sensor; none: exact
+    seed : of their noise
+    """
+    generator, parts = np.random.default_rng(seed), []
+    for i, sensor in enumerate(case.sensors):
+        values, valid, density = signals[:, i], np.ones(len(signals), bool), sensor.noise_density
+        if instruments:
+            density = instruments[i].sensor.noise_density
+            values, valid = measure(instruments[i], values, case.step, case.step, generator)
+        parts.append(
+            Channel(
+                sensor.name, values, sensor.quantity, sensor.body, sensor.position, density, valid
+            )
+        )
+    return build_recording(
+        parts,
+        time=case.step * np.arange(len(signals)),
+        distance=case.position,
+        speed=np.full(len(signals), case.speed),
+        source=f"simulated: {case.name}",
+        vehicle=case.vehicle.name,
+    )
+
+
+def instruments(accelerometer: str) -> tuple[Instrument, Instrument]:
+    """Accelerometer A, B or C, and the gyroscope: their noise, for the paper adds nothing else."""
+    first, _ = read_instruments(ACCELEROMETERS[accelerometer])
+    _, gyroscope = read_instruments(ACCELEROMETERS["A"])
+    # Its filter lies above half the sampling rate, where samples no longer show what it does.
+    return first, replace(gyroscope, sensor=replace(gyroscope.sensor, bandwidth=None))
+
+
+def _random(grade: str) -> Irregularity:
+    return random(
+        read_spectrum(grade), int(grade[-1]), SHORTEST, LONGEST, LENGTH, start=0.0, taper=TAPER
+    )
+
+
+def _model_a(name: str, irregularity: Irregularity, length: float) -> Case:
+    return Case(
+        f"{name}, Model A",
+        *read_vehicle("quarter-car"),
+        read_track("rigid"),
+        (Sensor("acceleration", VERTICAL_ACCELERATION, "bogie", noise_density=1e-5),),
+        irregularity,
+        speed=30.0,
+        step=0.025 / 30.0,
+        length=length,
+    )
+
+
+def _model_b(name: str, irregularity: Irregularity, length: float) -> Case:
+    return Case(
+        f"{name}, Model B",
+        *read_vehicle("velaro"),
+        read_track("zhai-layered"),
+        (
+            Sensor("acceleration", VERTICAL_ACCELERATION, "leading bogie", noise_density=1e-5),
+            Sensor("pitch rate", PITCH_RATE, "leading bogie", noise_density=1e-6),
+        ),
+        irregularity,
+        speed=150 / 3.6,
+        step=2e-3,
+        length=length,
+    )

@@ -1,0 +1,147 @@
+"""What each figure needs to be computed: searches, smoothers, limits, and how errors grow."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.bands import BANDS, band_pass
+from trackprofile.inference.bound import limit
+from trackprofile.inference.cross_entropy import Found, cross_entropy, weights
+from trackprofile.inference.estimate import Estimate, estimate
+from trackprofile.inference.trial import trial
+from trackprofile.instrument import Instrument
+from trackprofile.integrate import Scheme
+from trackprofile.paper import Case, finely_ridden, recorded, ridden, with_lead
+from trackprofile.search import Search
+from trackprofile.spectrum import Spectrum
+
+Array = NDArray[np.float64]
+
+GRID = 0.25
+"""m between the points at which profiles are compared."""
+
+
+@dataclass(frozen=True)
+class Searched:
+    """A case searched by cross-entropy: elevation minus truth (m) at ``place`` (m), and s per metre."""
+
+    found: Found
+    place: Array
+    error: Array
+    rate: float
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """The smoother's estimate, and elevation minus truth (m) at ``place`` (m), less a parabola."""
+
+    found: Estimate
+    place: Array
+    error: Array
+
+
+def search(
+    case: Case, signals: Array, settings: Search, instruments: Sequence[Instrument] = (), seed: int = 0
+) -> Searched:  # fmt: skip
+    """Search a case that was ridden, as exact signals or as instruments read them; the seed is of both."""
+    recording = recorded(case, signals, instruments, seed)
+    began = time.perf_counter()
+    found = cross_entropy(recording, case.vehicle, track=case.track, search=settings, seed=seed)
+    taken = time.perf_counter() - began
+    place = found.profile["distance"].to_numpy()
+    truth = case.irregularity.at(place)[0]
+    error = found.profile["elevation"].to_numpy() - truth
+    return Searched(found, place, error, taken / (place[-1] - place[0]))
+
+
+def finely_led(case: Case) -> Array:
+    """Signals of the fine simulation for the smoother, with a lead."""
+    return finely_ridden(with_lead(case))
+
+
+def smoothed(
+    case: Case, signals: Array, instruments: Sequence[Instrument] = (), seed: int = 0
+) -> Smoothed:
+    """The smoother on what the fine simulation gives (of `finely_led`) and the instruments make of it."""
+    recording = recorded(with_lead(case), signals, instruments, seed)
+    found = estimate(
+        recording, case.vehicle, installation=case.installation, track=case.track, draws=16
+    )
+    place = found.profile["distance"].to_numpy()
+    error = found.profile["elevation"].to_numpy() - case.irregularity.at(place)[0]
+    inside = (place >= case.start) & (place <= case.position[-1])
+    return Smoothed(found, place[inside], without_parabola(place[inside], error[inside]))
+
+
+def in_bands(place: Array, error: Array) -> dict[str, float | None]:
+    """Root mean square in D1 and D2, mm, where it lies a band's longest wave from both ends; None: nowhere."""
+    at = np.arange(place[0], place[-1], GRID)
+    values = np.interp(at, place, error)
+    found: dict[str, float | None] = {}
+    for band in BANDS[:2]:
+        inside = (at > at[0] + band.longest) & (at < at[-1] - band.longest)
+        found[band.name] = None
+        if np.any(inside):
+            passed = band_pass(values, GRID, band)[inside]
+            found[band.name] = 1e3 * float(np.sqrt(np.mean(passed**2)))
+    return found
+
+
+def without_parabola(place: Array, error: Array) -> Array:
+    """Less offset, slope and curvature, which no sensor with an unknown offset can tell."""
+    x = (place - place.mean()) / np.ptp(place)
+    return error - np.polynomial.Polynomial.fit(x, error, 2)(x)
+
+
+def limits(case: Case, prior: Spectrum, instruments: Sequence[Instrument] = ()) -> dict[str, float]:
+    """The least possible error in D1 and D2, mm, white noise alone."""
+    sensors = tuple(one.sensor for one in instruments) or case.sensors
+    found = limit(case.vehicle, case.track, sensors, case.speed, prior, BANDS[:2])
+    return {band: 1e3 * value for band, value in found.items()}
+
+
+def growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) -> float:
+    """By what an error grows in 10 m, when each window is solved exactly and the state carried over.
+
+    Of the model alone, no measurement: a disturbance of 1 µm in the first windows, and signals of level track. Its
+    short waves (second differences) are compared; where the model diverges before the end, there.
+
+    Parameters
+    ----------
+    power : of the sensors' root mean squares in the weights, 1 as in equation 12
+    """
+    signals = ridden(case)
+    weight = weights(signals[1:]) ** power
+    car = trial(
+        case.vehicle, case.track, case.sensors, scheme, case.position, np.full(case.scans + 1, case.speed)
+    )  # fmt: skip
+    elevation, generator = np.zeros(len(car.place)), np.random.default_rng(0)
+    first, kept = 0, unknowns // 2
+    while first + unknowns <= case.scans:
+        free = car.free(elevation, first, unknowns)
+        gain = car.gain(elevation, first, unknowns)
+        rows = np.sqrt(weight)[:, None, None] * gain
+        due = -np.sqrt(weight)[:, None] * free.T
+        x = np.linalg.lstsq(rows.reshape(-1, unknowns), due.ravel())[0]
+        if first < 4 * kept:
+            x = x + 1e-6 * generator.standard_normal(unknowns)
+        elevation[car.before + first : car.before + first + kept] = x[:kept]
+        if np.abs(x[:kept]).max() > 0.1:
+            break
+        car = car.advanced(elevation, first, kept)
+        first += kept
+    bent = np.abs(np.diff(elevation[car.before : car.before + first], 2))
+    tenth = max(first // 10, 1)
+    early, late = bent[3 * tenth : 5 * tenth].max(), bent[-2 * tenth :].max()
+    distance = 5 * tenth * case.speed * case.step
+    return float((late / early) ** (10.0 / distance))
+
+
+def shorter(case: Case, length: float) -> Case:
+    """The same case over its first ``length`` m."""
+    return replace(case, length=length)
