@@ -191,10 +191,29 @@ def test_agreement_decides_how_often_a_phase_is_begun_anew() -> None:
 
     def runs(agreement: float) -> int:
         search, generator = replace(rough, agreement=agreement), np.random.default_rng(0)
-        return len(phase(misfits, np.zeros(6), search, generator, walk=True)[1])
+        return len(phase(misfits, np.zeros(6), 0.0, search, generator, walk=True)[1])
 
     assert runs(10.0) == 2
     assert runs(1e-9) > 2
+
+
+@pytest.mark.parametrize(
+    ("variant", "alike"), [(Variant.LITERAL, False), (Variant.COVARIANCE, True)]
+)
+def test_covariance_variant_takes_as_long_on_a_hill_as_in_a_valley(
+    variant: Variant, alike: bool
+) -> None:
+    """Elevations have no natural zero, but the paper's 5 % of them does."""
+    gain, _, due = window()
+    search = replace(SMALL, threshold=1e-9, variant=variant, agreement=1e-3)
+
+    def runs(level: float) -> int:
+        raised = due + gain @ np.full(6, level)
+        misfits = lambda tried: kernels.misfits(gain, tried, raised, np.ones(1))  # noqa: E731
+        generator = np.random.default_rng(0)
+        return len(phase(misfits, np.full(6, level), level, search, generator, walk=True)[1])
+
+    assert (runs(0.0) == runs(1.0)) is alike
 
 
 def test_first_generation_is_a_random_walk() -> None:

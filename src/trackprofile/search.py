@@ -50,7 +50,8 @@ class Search:
     elite : their best share
     threshold : of the sum of the squared changes of the means, m², below which a run has converged
     objective, variant : see there
-    agreement : share of the elevations, root of their sum of squares, by which two runs may differ and be the same
+    agreement : share of the elevations (of their rise, for covariance) by which two runs may differ and be the same,
+        in the root of the sum of squares
     smoothing : share of the covariance before that is kept
     generations, runs : at most, before a phase is given up and its metres flagged
 

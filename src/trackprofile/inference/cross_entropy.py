@@ -189,7 +189,10 @@ def _march(
                 (scans.signals[first : first + size] - model.free(march.elevation, first, size)).T
             )
             misfits = _misfits(model, march, gain, due, weight, evaluation)
-            mean, runs, agreed = phase(misfits, mean[:size], search, generator, walk=first == 0)
+            level = float(march.elevation[model.before + first - 1])
+            mean, runs, agreed = phase(
+                misfits, mean[:size], level, search, generator, walk=first == 0
+            )
             kept = size if first + size == count else max(search.unknowns // 2, 1)
             march.elevation[model.before + first : model.before + first + kept] = mean[:kept]
             model = model.advanced(march.elevation, first, kept)
@@ -248,7 +251,7 @@ def weights(signals: Array) -> Array:
 
 
 def phase(
-    misfits: Misfits, mean: Array, search: Search, generator: np.random.Generator,
+    misfits: Misfits, mean: Array, level: float, search: Search, generator: np.random.Generator,
     walk: bool,
 ) -> tuple[Array, list[Run], bool]:  # fmt: skip
     """Optimise one window again and again until two runs agree.
@@ -257,6 +260,7 @@ def phase(
     ----------
     misfits : of the window
     mean : (m,), m, where to start
+    level : m, the last elevation that is decided
     walk : whether the first generation is a random walk
 
     Returns
@@ -264,14 +268,16 @@ def phase(
     the elevations (m,), the mean of the two runs that agreed; the runs; and whether two did
     """
     spread = np.square(_reset(search)[: len(mean)])
+    # Elevations have no natural zero; but what the literal variant finds agrees only in the paper's words.
+    zero = 0.0 if search.variant is Variant.LITERAL else level
     runs: list[Run] = []
     for number in range(search.runs):
         start, before = np.diag(spread), mean
         walks = walk and number == 0
         mean, run = optimise(misfits, before, start, search, generator, walks)
         runs.append(run)
-        # Of level track 5 % are nothing, and each run is as exact as its threshold makes it.
-        near = search.agreement * np.linalg.norm(mean) + 2 * np.sqrt(search.threshold)
+        # Each run is as exact as its threshold makes it, on level track too, of which 5 % are nothing.
+        near = search.agreement * np.linalg.norm(mean - zero) + 2 * np.sqrt(search.threshold)
         if number > 0 and np.linalg.norm(mean - before) <= near:
             return (mean + before) / 2, runs, True
     return mean, runs, False

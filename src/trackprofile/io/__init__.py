@@ -9,7 +9,7 @@ suffix                  what it holds
 ``.csv``, ``.parquet``  that table itself, if its TOML stands beside it under the same name
 ======================  ===================================================================
 
-A new format is a new module with the five names of `Format`, and one more line in `FORMATS`.
+A new format is a new module with the six names of `Format`, and one more line in `FORMATS`.
 """
 
 from __future__ import annotations

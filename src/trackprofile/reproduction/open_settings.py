@@ -89,7 +89,8 @@ def _assumed() -> tuple[tuple[Cell, ...], ...]:
         for setting, chosen in (
             ("second term of equation 11", "squared: the print lacks the square, without which it has no minimum"),
             ("r' and r''", "backward differences of second order, so that no scan looks ahead"),
-            ("elevations that agree", "5 % of the root of their sum of squares, and twice the root of the threshold"),
+            ("two runs that agree", "within 5 % of the elevations, or, for the covariance variant, of their rise above "
+             "the last decided one, in the root of the sum of squares; and twice the root of the threshold"),
             ("answer of a phase", "the mean of the two runs that agree"),
             ("spread at a restart", "as at the phase's start, 0.1 σ to σ"),
             ("first generation of later phases", "normal about the means carried over; only the very first is a walk"),

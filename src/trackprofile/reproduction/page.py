@@ -98,7 +98,7 @@ def _figure(panel: Panel) -> str:
         figure,
         full_html=False,
         include_plotlyjs=False,
-        config={"displaylogo": False, "responsive": True},
+        config={"displayModeBar": False, "responsive": True},
     )
 
 
