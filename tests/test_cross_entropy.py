@@ -177,6 +177,25 @@ def test_smaller_elite_converges_sooner() -> None:
     assert lengths == sorted(lengths)
 
 
+def test_initial_mean_near_the_answer_starts_better() -> None:
+    gain, x, due = window()
+    misfits = lambda tried: kernels.misfits(gain, tried, due, np.ones(1))  # noqa: E731
+    start = np.diag(np.full(6, SMALL.standard_deviation**2))
+    first = [
+        optimise(misfits, mean, start, SMALL, np.random.default_rng(0))[1].objective[0]
+        for mean in (x, x + 5e-3)
+    ]
+    assert first[0] < 0.1 * first[1]
+
+
+def test_fewer_unknowns_make_more_phases(on_rigid_rail: tuple[xr.Dataset, Array]) -> None:
+    recording, truth = on_rigid_rail
+    search = replace(TABLE_5, unknowns=6, length=None)
+    found = cross_entropy(recording, QUARTER_CAR, search=search)
+    assert {one.kept for one in found.phases[:-1]} == {3}
+    assert worst(found.profile, truth) < 1e-6
+
+
 def test_wider_start_takes_longer() -> None:
     lengths = [
         len(searched(replace(SMALL, standard_deviation=s))[1].objective) for s in (1e-4, 1e-3, 1e-2)
