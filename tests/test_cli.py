@@ -134,6 +134,9 @@ def test_infer_finds_the_profile_and_shows_it(run: Run, folder: Path) -> None:
     ]
     assert set(folder.iterdir()) - before == set(map(Path, result["files"]))
     assert result["standard_deviation_mm"]["D1"] < 0.1
+    assert (
+        read(profile).attrs["loading"] == "loaded"
+    )  # the path of the wheels, for the track is rigid
     assert (folder / "found.png").read_bytes().startswith(b"\x89PNG")
     assert "plotly" in (folder / "found.html").read_text(encoding="utf-8").lower()
 

@@ -77,6 +77,7 @@ def test_bell_of_model_a_is_found(on_rigid_rail: tuple[xr.Dataset, Array]) -> No
     found = cross_entropy(recording, QUARTER_CAR)
     assert worst(found.profile, truth) < 1e-6
     assert found.profile.attrs["kind"] == "point"
+    assert found.profile.attrs["loading"] == "loaded"
     assert not found.stopped
     assert np.all(found.profile["quality"] == 0)
     signal = recording["acceleration"].to_numpy()
@@ -93,6 +94,7 @@ def test_bell_of_model_b_is_found(
     recording, truth = on_ballast
     search = replace(TABLE_6, variant=variant, objective=objective)
     found = cross_entropy(recording, VELARO, track=BALLASTED, search=search)
+    assert found.profile.attrs["loading"] == "unloaded"
     loose = variant is Variant.LITERAL and objective is Objective.SIGNAL
     assert worst(found.profile, truth) < (5e-4 if loose else 1e-6)
 

@@ -17,7 +17,7 @@ from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.inference import cross_entropy_kernels as kernels
 from trackprofile.inference.likelihood import Progress
-from trackprofile.inference.measured import measured
+from trackprofile.inference.measured import loading, measured
 from trackprofile.inference.scans import Scans, scans_of
 from trackprofile.inference.trial import Trial, trial
 from trackprofile.integrate import wilson
@@ -150,7 +150,7 @@ def cross_entropy(
     _check_reaction(model, search)
     march = _march(model, scans, search, evaluation, np.random.default_rng(seed), progress)
     found = Found(
-        _profile(model, march, search, vehicle, seed, notes),
+        _profile(model, march, search, vehicle, track, seed, notes),
         _reproduced(recording, model, scans, march),
         data.motion.distance + installation.origin,
         tuple(march.phases),
@@ -338,7 +338,8 @@ def _check_reaction(model: Trial, search: Search) -> None:
 
 
 def _profile(
-    model: Trial, march: _March, search: Search, vehicle: Vehicle, seed: int, notes: tuple[str, ...]
+    model: Trial, march: _March, search: Search, vehicle: Vehicle, track: Track, seed: int,
+    notes: tuple[str, ...],
 ) -> xr.Dataset:  # fmt: skip
     quality = np.zeros(march.decided, np.int8)
     for one in march.phases:
@@ -351,6 +352,7 @@ def _profile(
         kind="point",
         method=f"cross-entropy, {search.variant.value}, by {search.objective.value}",
         quality=quality,
+        loading=loading(track),
         vehicle=vehicle.name,
     )
     return with_provenance(profile, "; ".join([f"infer: {search}, seed {seed}", *notes]))

@@ -18,6 +18,7 @@ from trackprofile.inference.measured import (
     KNOT_SPACING,
     Measured,
     Model,
+    loading,
     measured,
     prepared_filter,
     ride_of,
@@ -161,6 +162,7 @@ def estimate(
         standard_deviation=spread[inside],
         band_standard_deviations={name: values[inside] for name, values in bands.items()},
         quality=_quality(place, bands, data, found, ride)[inside],
+        loading=loading(track),
         vehicle=vehicle.name,
     )
     notes = (*notes, *_reduction(track, found.track, correct))

@@ -17,7 +17,7 @@ from trackprofile.motion import Motion, motion, recorded_step
 from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import FILTER_STATES, StateSpace, state_space
-from trackprofile.track import PointTrack
+from trackprofile.track import PointTrack, RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -71,6 +71,11 @@ def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
         channel.name, channel.quantity, channel.body, channel.position, channel.noise_density,
         bandwidth=channel.bandwidth,
     )  # fmt: skip
+
+
+def loading(track: Track) -> str:
+    """What a profile found on that track is: without give, the path of the wheels is all there is to find."""
+    return "loaded" if isinstance(track, RigidTrack) else "unloaded"
 
 
 @dataclass(frozen=True)
