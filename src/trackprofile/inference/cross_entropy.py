@@ -307,20 +307,17 @@ def optimise(
         x = kernels.random_walks(generator, n, mean, search.standard_deviation)
     else:
         x = kernels.drawn(generator, n, mean, covariance)
-    objective, convergence = [], []
+    objective, convergence, moved = [], [], np.inf
     for _ in range(search.generations):
-        misfit = misfits(x)
-        before = mean
-        mean, covariance = kernels.distribution(
-            x, misfit, size, per_scan, full, search.smoothing, covariance
+        mean, covariance, best, moved = kernels.distribution(
+            x, misfits(x), size, per_scan, full, search.smoothing, mean, covariance
         )
-        objective.append(float(misfit.sum(axis=1).min()))
-        convergence.append(float(np.sum(np.square(mean - before))))
-        if convergence[-1] < search.threshold:
+        objective.append(best)
+        convergence.append(moved)
+        if moved < search.threshold:
             break
         x = kernels.drawn(generator, n, mean, covariance)
-    converged = convergence[-1] < search.threshold
-    return mean, Run(np.array(objective), np.array(convergence), converged)
+    return mean, Run(np.array(objective), np.array(convergence), moved < search.threshold)
 
 
 def _check_reaction(model: Trial, search: Search) -> None:

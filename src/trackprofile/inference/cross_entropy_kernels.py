@@ -120,11 +120,12 @@ def positive(covariance):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
-def distribution(x, misfit, size, per_scan, full, smoothing, covariance):  # pragma: no cover
-    """Mean (m,) and covariance (m, m) from which the next generation is drawn."""
+def distribution(x, misfit, size, per_scan, full, smoothing, mean, covariance):  # pragma: no cover
+    """Mean (m,) and covariance (m, m) from which the next generation is drawn; O of the best profile, Σ(Δmean)²."""
     elite = elite_of_each(misfit, size) if per_scan else elite_of_all(misfit, size)
-    mean = elite_mean(x, elite)
+    before, mean = mean, elite_mean(x, elite)
+    best, moved = misfit.sum(axis=1).min(), np.square(mean - before).sum()
     if not full:
-        return mean, elite_variances(x, elite)
+        return mean, elite_variances(x, elite), best, moved
     covariance = smoothing * covariance + (1 - smoothing) * elite_covariance(x, elite)
-    return mean, positive(covariance) if per_scan else covariance
+    return mean, positive(covariance) if per_scan else covariance, best, moved
