@@ -255,6 +255,14 @@ def test_elites_are_the_best_by_the_whole_signal_or_by_each_scan() -> None:
     np.testing.assert_array_equal(kernels.elite_of_each(misfit, 2), [[0, 2], [1, 2]])
 
 
+@pytest.mark.parametrize("size", [1, 2, 10, 100])
+def test_least_values_are_those_of_a_stable_sort(size: int) -> None:
+    values = np.random.default_rng(size).integers(0, 30, 100).astype(np.float64)
+    np.testing.assert_array_equal(
+        kernels.least(values, size), np.argsort(values, kind="stable")[:size]
+    )
+
+
 def test_elite_moments_are_those_of_numpy() -> None:
     x = np.random.default_rng(2).normal(size=(20, 3))
     elite = np.tile(np.arange(5), (3, 1))

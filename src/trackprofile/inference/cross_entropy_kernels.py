@@ -57,9 +57,25 @@ def misfits(gain, x, due, weight):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
+def least(values, size):  # pragma: no cover
+    """Where the ``size`` least values stand, in their order: by insertion, for an elite is small."""
+    found, count = np.empty(size, np.int64), 0
+    for i in range(len(values)):
+        if count == size and values[i] >= values[found[size - 1]]:
+            continue
+        count = min(count + 1, size)
+        at = count - 1
+        while at > 0 and values[found[at - 1]] > values[i]:
+            found[at] = found[at - 1]
+            at -= 1
+        found[at] = i
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
 def elite_of_all(misfit, size):  # pragma: no cover
     """The profiles of least O = ΣO_t, the same for each elevation (m, size) (paper, equation 10)."""
-    best = np.argsort(misfit.sum(axis=1))[:size]
+    best = least(misfit.sum(axis=1), size)
     elite = np.empty((misfit.shape[1], size), np.int64)
     for t in range(misfit.shape[1]):
         elite[t] = best
@@ -71,7 +87,7 @@ def elite_of_each(misfit, size):  # pragma: no cover
     """For each elevation the profiles of least O_t at its scan (m, size) (paper, equation 11)."""
     elite = np.empty((misfit.shape[1], size), np.int64)
     for t in range(misfit.shape[1]):
-        elite[t] = np.argsort(misfit[:, t])[:size]
+        elite[t] = least(misfit[:, t], size)
     return elite
 
 
