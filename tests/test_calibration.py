@@ -33,7 +33,7 @@ def test_wrong_suspension_and_origin_are_brought_back(made: tuple[xr.Dataset, xr
     moved = truth.assign_coords(distance=truth["distance"] + 3.2)
     wrong = {"primary stiffness": 0.75, "primary damping": 1.3}
     start = with_parameters(VELARO, {name: factor * TRUE[name] for name, factor in wrong.items()})
-    found = calibrate(recording, moved, start, parameters=[*wrong, "origin"])
+    found = calibrate(recording, start, moved, parameters=[*wrong, "origin"])
     estimates = {one.name: one for one in found.estimates}
     for name in wrong:
         one = estimates[name]
@@ -50,14 +50,14 @@ def test_only_ratios_of_masses_and_stiffnesses_are_told_on_a_rigid_path(
     scale = ["body mass", "body pitch inertia", "bogie mass", "bogie pitch inertia"]
     springs = ["primary stiffness", "primary damping", "secondary stiffness", "secondary damping"]
     with pytest.raises(UndeterminedError, match=r"'body mass'.* only together"):
-        calibrate(*made, VELARO, parameters=[*scale, *springs])
+        calibrate(made[0], VELARO, made[1], parameters=[*scale, *springs])
 
 
 def test_several_recordings_are_fitted_at_once(made: tuple[xr.Dataset, xr.Dataset]) -> None:
     recording, truth = made
     halves = [between(recording, 0.0, 220.0), between(recording, 180.0, 400.0)]
     start = with_parameters(VELARO, {"primary stiffness": 2.0e6})
-    found = calibrate(halves, truth, start, parameters=["primary stiffness"])
+    found = calibrate(halves, start, truth, parameters=["primary stiffness"])
     assert found.estimates[0].value == pytest.approx(TRUE["primary stiffness"], rel=0.02)
 
 
@@ -66,7 +66,7 @@ def test_calibrated_vehicle_reads_the_track_better_than_the_wrong_one(
 ) -> None:
     recording, truth = made
     wrong = with_parameters(VELARO, {"primary stiffness": 1.8e6})
-    found = calibrate(recording, truth, wrong, parameters=["primary stiffness"])
+    found = calibrate(recording, wrong, truth, parameters=["primary stiffness"])
     errors = []
     for vehicle, installation in ((wrong, Installation()), (found.vehicle, found.installation)):
         profile = infer(
@@ -85,22 +85,22 @@ def test_calibrated_vehicle_reads_the_track_better_than_the_wrong_one(
 def test_what_cannot_be_fitted_is_refused(made: tuple[xr.Dataset, xr.Dataset]) -> None:
     recording, truth = made
     with pytest.raises(ModelError, match="no parameter 'colour' to fit; there are body mass"):
-        calibrate(recording, truth, VELARO, parameters=["colour"])
+        calibrate(recording, VELARO, truth, parameters=["colour"])
     with pytest.raises(DataError, match="choose another stretch or reference"):
-        calibrate(recording, between(truth, 0.0, 60.0), VELARO)
+        calibrate(recording, VELARO, between(truth, 0.0, 60.0))
     gap = truth["elevation"].to_numpy().copy()
     gap[500:510] = np.nan
     quality = np.isnan(gap).astype(np.int8)
     broken = build_profile(truth["distance"], gap, kind="point", quality=quality)
     with pytest.raises(DataError, match="gaps in its elevation"):
-        calibrate(recording, broken, VELARO)
+        calibrate(recording, VELARO, broken)
 
 
 def test_parameter_that_no_sensor_feels_is_held_and_said(
     made: tuple[xr.Dataset, xr.Dataset],
 ) -> None:
     recording, truth = made
-    found = calibrate(recording, truth, replace(VELARO, name="again"))
+    found = calibrate(recording, replace(VELARO, name="again"), truth)
     held = [note for note in found.notes if note.startswith("wheelset mass is held")]
     assert len(held) == 1
     assert parameter_values(found.vehicle)["wheelset mass"] == TRUE["wheelset mass"]

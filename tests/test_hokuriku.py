@@ -44,7 +44,7 @@ def level(folder: Path):
 def calibration(folder: Path, level) -> Calibration:
     recording = between(read(folder / "recording.toml"), 75.0, 1075.0)
     return calibrate(
-        recording, between(level, 75.0, 1075.0), read_vehicle(str(EXAMPLE / "vehicle.toml"))[0]
+        recording, read_vehicle(str(EXAMPLE / "vehicle.toml"))[0], between(level, 75.0, 1075.0)
     )
 
 

@@ -61,7 +61,9 @@ def test_reduced_track_and_its_correction_find_the_unloaded_profile() -> None:
     )
     assert reduced["D1"] < ASKED["D1"]
     assert rigid["D1"] > 10 * reduced["D1"]
-    assert corrected["D1"] < 0.6 * reduced["D1"]
+    # Without the coupling of wheels through the rail the reduced track had 0.0077 mm, the corrected 0.6 of it.
+    assert reduced["D1"] < 0.6 * 0.0077
+    assert corrected["D1"] < 0.75 * reduced["D1"]
     assert corrected["D2"] < 1.02 * reduced["D2"]
 
 

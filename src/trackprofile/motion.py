@@ -30,6 +30,16 @@ class Motion:
     acceleration: Array
 
 
+def along_track(recorded: Motion, origin: float, scale: float) -> Motion:
+    """The motion with ``scale`` true metres to a recorded one, of a point ``origin`` m ahead."""
+    return Motion(
+        recorded.time,
+        scale * recorded.distance + origin,
+        scale * recorded.speed,
+        scale * recorded.acceleration,
+    )
+
+
 def motion(recording: xr.Dataset) -> Motion:
     """The train's motion, from time or distance or both, with or without speed.
 

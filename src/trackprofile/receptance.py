@@ -8,6 +8,7 @@ from scipy.linalg import solve_banded
 
 from trackprofile.errors import ModelError
 from trackprofile.track import (
+    Coupling,
     ElasticTrack,
     LayeredTrack,
     PointTrack,
@@ -23,6 +24,9 @@ REACH = 40.0
 
 FITTED_UP_TO = 30.0
 """Hz: what bogies and bodies answer to lies below (theory, section 7)."""
+
+COUPLED_FROM, COUPLED_UP_TO = 1.0, 8.0
+"""m between wheels: no two wheels stand closer; farther from one the rail hardly moves with it."""
 
 PLACES = 4
 """Places in a sleeper bay over which a wheel's support is averaged."""
@@ -47,28 +51,57 @@ def dynamic_stiffness(track: LayeredTrack, frequency: Array, fraction: float = 0
     >>> [round(float(one) / 1e6, 1) for one in at_rest]
     [87.5, 88.1]
     """
+    return np.asarray(1.0 / receptance(track, frequency, fraction, np.zeros(1))[:, 0])
+
+
+def receptance(
+    track: LayeredTrack, frequency: Array, fraction: float, distance: Array
+) -> ComplexArray:
+    """Deflection of the rail at some distances from a harmonic unit force that stands still, (m, n), m/N.
+
+    Parameters
+    ----------
+    frequency : (m,), Hz
+    fraction : of the bay, from a sleeper on, where the force stands
+    distance : (n,), m, of at least 0
+    """
     nodes = 2 * int(np.ceil(REACH / track.spacing)) + 2
-    middle, h = nodes // 2, track.spacing
-    x = fraction
-    N = np.array(
-        [1 - 3 * x**2 + 2 * x**3, h * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3, h * (x**3 - x**2)]
-    )
+    middle = nodes // 2
+    at = middle + fraction + distance / track.spacing
+    first = np.floor(at).astype(np.intp)
+    places = 2 * first[:, None] + np.arange(4)
+    weights = _hermite(at - first, track.spacing)
     force = np.zeros(2 * nodes)
-    force[2 * middle : 2 * middle + 4] = N
+    force[2 * middle : 2 * middle + 4] = _hermite(np.array([fraction]), track.spacing)[0]
     bending, inertia = beam_element(track)
-    found = np.empty(len(frequency), np.complex128)
+    found = np.empty((len(frequency), len(distance)), np.complex128)
     for i, omega in enumerate(2 * np.pi * frequency):
         bands = _bands(bending - omega**2 * inertia, _support_stiffness(track, omega), nodes)
         deflection = solve_banded((3, 3), bands, force.astype(np.complex128))
-        found[i] = 1.0 / (N @ deflection[2 * middle : 2 * middle + 4])
+        found[i] = np.sum(weights * deflection[places], axis=1)
     return found
 
 
+def _hermite(x: Array, h: float) -> Array:
+    """Shape functions of a bay at fractions x, (n, 4), on deflection and slope of its ends."""
+    return np.stack(
+        [
+            1 - 3 * x**2 + 2 * x**3,
+            h * (x - 2 * x**2 + x**3),
+            3 * x**2 - 2 * x**3,
+            h * (x**3 - x**2),
+        ],
+        axis=1,
+    )
+
+
 def point_track(track: Track) -> PointTrack:
-    """The track as each wheel feels it below 30 Hz: k_t + c_t d/dt + m_t d²/dt².
+    """The track as each wheel feels it below 30 Hz: k_t + c_t d/dt + m_t d²/dt², and what it hands on to others.
 
     Least squares of the dynamic stiffness k_t + iω c_t - ω² m_t, averaged over places in a bay, at frequencies
-    from 0 to ``FITTED_UP_TO``. Changes of single supports are left out. Tracks of one point stay as they are.
+    from 0 to ``FITTED_UP_TO``. With α(d) the receptance at the distance d from the force, two wheels feel
+    -α(d) / α(0)² of each other, fitted alike. Changes of single supports are left out. Tracks of one
+    point stay as they are.
 
     Raises
     ------
@@ -86,19 +119,23 @@ def point_track(track: Track) -> PointTrack:
     if not isinstance(track, LayeredTrack):
         return track
     frequency = np.linspace(0.0, FITTED_UP_TO, 16)
-    found = np.mean(
-        [dynamic_stiffness(track, frequency, place) for place in np.arange(PLACES) / PLACES], axis=0
-    )
+    distance = np.concatenate([[0.0], np.arange(COUPLED_FROM, COUPLED_UP_TO, 0.25)])
+    alpha = [receptance(track, frequency, place, distance) for place in np.arange(PLACES) / PLACES]
+    alone = np.mean([1.0 / one[:, :1] for one in alpha], axis=0)
+    between = np.mean([-one[:, 1:] / one[:, :1] ** 2 for one in alpha], axis=0)
     omega = 2 * np.pi * frequency
-    stiffness, mass = np.linalg.lstsq(np.stack([np.ones_like(omega), -(omega**2)], 1), found.real)[
-        0
-    ]
-    damping = float(omega @ found.imag / (omega @ omega))
+    felt = np.asarray(np.hstack([alone, between]), np.complex128)
+    (stiffness, *others), (mass, *masses) = np.linalg.lstsq(
+        np.stack([np.ones_like(omega), -(omega**2)], 1), felt.real
+    )[0]
+    damping, *dampings = omega @ felt.imag / (omega @ omega)
     if not stiffness > 0:
         raise ModelError(f"track {track.name!r} does not carry a wheel: check its supports.")
+    coupling = Coupling(tuple(distance[1:]), tuple(others), tuple(dampings), tuple(masses))
     return ElasticTrack(
-        float(stiffness), max(damping, 0.0), f"fitted to {track.name}", max(float(mass), 0.0)
-    )
+        float(stiffness), max(float(damping), 0.0), f"fitted to {track.name}",
+        max(float(mass), 0.0), coupling,
+    )  # fmt: skip
 
 
 def _support_stiffness(track: LayeredTrack, omega: float) -> complex:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from trackprofile.errors import ModelError
 
 VERTICAL_ACCELERATION = "vertical acceleration"
@@ -13,6 +15,30 @@ UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s"}
 # Wide enough for an uncalibrated MEMS part, narrow enough to keep an offset apart from the track:
 # 10 mg and 0.6 °/s (facts: zero-g and zero-rate offsets of the parts listed there).
 OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01}
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What a vehicle's model leaves of a signal beyond noise: coloured, and as strong as the signal.
+
+    Its density has one hump, S(f) = 4ζ f0 f² σ² / (π ((f0² - f²)² + (2ζ f0 f)²)) , of variance σ² = (share · rms)²,
+    rms that of the signal.
+
+    Parameters
+    ----------
+    share : of the signal's root mean square
+    frequency : f0, Hz, where the hump stands
+    damping : ζ, of which the hump is 2ζ f0 wide
+    """
+
+    share: float
+    frequency: float
+    damping: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name in ("share", "frequency", "damping"):
+            if not getattr(self, name) > 0:
+                raise ModelError(f"a residual needs a {name} above 0, got {getattr(self, name):g}")
 
 
 @dataclass(frozen=True)
@@ -30,6 +56,10 @@ class Sensor:
     offset : standard deviation of the unknown offset at the start, m/s² or rad/s; None: a usual one
     drift : of that offset, a random walk, m/s² or rad/s per √s; its noise exceeds the white one below
         drift/(√2 π noise_density) Hz. None: the offset is constant
+    gain : reading per quantity
+    tilt : rad nose-up, of an accelerometer in the vehicle's vertical plane: it reads
+        gain (cos(tilt) z̈ + sin(tilt) s̈), s̈ the train's own acceleration
+    residual : what the vehicle's model leaves of the signal; None where that is not known
 
     Examples
     --------
@@ -45,6 +75,9 @@ class Sensor:
     bandwidth: float | None = None
     offset: float | None = None
     drift: float | None = None
+    gain: float = 1.0
+    tilt: float = 0.0
+    residual: Residual | None = None
 
     def __post_init__(self) -> None:
         if self.quantity not in UNITS:
@@ -55,14 +88,44 @@ class Sensor:
             raise ModelError(f"sensor {self.name!r} needs a noise density above 0 or none at all")
         if self.bandwidth is not None and not self.bandwidth > 0:
             raise ModelError(f"sensor {self.name!r} needs a bandwidth above 0 Hz or none at all")
-
         if self.drift is not None and not self.drift >= 0:
             raise ModelError(f"sensor {self.name!r} needs a drift of at least 0 or none at all")
+        if not (abs(self.gain) > 0 and abs(self.tilt) < 1.5):
+            raise ModelError(
+                f"sensor {self.name!r} needs a gain other than 0 and a tilt within 1.5 rad, "
+                f"got {self.gain:g} and {self.tilt:g}"
+            )
+
+    @property
+    def gain_along(self) -> float:
+        """Reading per quantity along the vehicle's axis; a tilt in that plane leaves a pitch rate as it is."""
+        tilted = self.quantity == VERTICAL_ACCELERATION
+        return float(self.gain * np.cos(self.tilt)) if tilted else self.gain
+
+    @property
+    def gain_across(self) -> float:
+        """Reading per longitudinal acceleration."""
+        tilted = self.quantity == VERTICAL_ACCELERATION
+        return float(self.gain * np.sin(self.tilt)) if tilted else 0.0
 
     @property
     def offset_standard_deviation(self) -> float:
         """The stated spread of the offset, or the usual one of that quantity."""
         return OFFSET[self.quantity] if self.offset is None else self.offset
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How sure a calibration is of its parameters.
+
+    Parameters
+    ----------
+    names : of the p parameters
+    covariance : (p, p), of their logarithms; of the values themselves where they may be negative
+    """
+
+    names: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -75,8 +138,12 @@ class Installation:
     sensors : calibrated sensors; each replaces what a recording says of the channel with its quantity and body
     unmodelled : root mean square of the first body's unmodelled acceleration, as a share of what is measured there;
         None where unknown
+    distance_scale : true per recorded distance: the wheel's diameter over the one that the odometer assumes
+    uncertainty : of the vehicle's and these parameters; None where nothing is known of it
     """
 
     origin: float = 0.0
     sensors: tuple[Sensor, ...] = ()
     unmodelled: float | None = None
+    distance_scale: float = 1.0
+    uncertainty: Uncertainty | None = None

@@ -2,9 +2,9 @@
 
     ẋ = A x + B [z; ż; z̈],    y = C x + D [z; ż; z̈],    z_i(t) = r(s(t) - d_i)
 
-x = [q; q̇; w; l; offsets]: the free degrees of freedom, the unmodelled accelerations of the first body, the
-low-passes of sensors with a bandwidth, and the sensors' offsets; z_i is the path of wheel i. The
-smoother and the calibration run on it; the full coupled model is written apart, so that each checks the other.
+x = [q; q̇; w; e; l; offsets]: the free degrees of freedom, the unmodelled accelerations of the first body, the
+sensors' coloured residuals, the low-passes of those with a bandwidth, and their offsets; z_i is the path of wheel i.
+The smoother and the calibration run on it; the full coupled model is written apart, so that each checks the other.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.linalg import expm
 
 from trackprofile.errors import ModelError
 from trackprofile.sensor import PITCH_RATE, Sensor
-from trackprofile.track import ElasticTrack, PointTrack, RigidTrack
+from trackprofile.track import ElasticTrack, PointTrack, RigidTrack, under_wheels
 from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
 
 Array = NDArray[np.float64]
@@ -38,8 +38,8 @@ class StateSpace:
     Parameters
     ----------
     freedoms : the f free degrees of freedom, (part, motion)
-    A : (n, n), n = 2 f + u + l + sensors; states are q (m, rad), q̇ (m/s, rad/s), those of the unmodelled
-        accelerations (m/s², rad/s²), of the low-passes and the offsets (sensor's unit)
+    A : (n, n), n = 2 f + u + e + l + sensors; states are q (m, rad), q̇ (m/s, rad/s), those of the unmodelled
+        accelerations (m/s², rad/s²), of the residuals, the low-passes and the offsets (sensor's unit)
     B : (n, 3, wheels), for z in m, ż in m/s and z̈ in m/s²
     C : (sensors, n); D : (sensors, 3, wheels), for z, ż and z̈
     disturbance : (n, kinds), multiplies independent white noises of unit intensity; no columns where the model
@@ -57,7 +57,11 @@ class StateSpace:
 
 
 def state_space(
-    vehicle: Vehicle, track: PointTrack, sensors: Sequence[Sensor], unmodelled: float = 0.0
+    vehicle: Vehicle,
+    track: PointTrack,
+    sensors: Sequence[Sensor],
+    unmodelled: float = 0.0,
+    loudness: Sequence[float] = (),
 ) -> StateSpace:
     """The linear system of a vehicle on a rigid path or on per-wheel springs.
 
@@ -66,6 +70,7 @@ def state_space(
     deviation, m/s², of what a rigid, linear car leaves out: random accelerations of the first body's heave, and of
     its pitch as much as makes the same at the radius of gyration √(I/m). Friction, play and progressive springs act
     with the stroke of the suspension, so each is strongest about the frequency of the mode in which it moves.
+    ``loudness`` is each signal's root mean square, of which a sensor's residual is a share; none leaves residuals out.
 
     Raises
     ------
@@ -74,14 +79,14 @@ def state_space(
     """
     full = assemble(vehicle)
     wheels = [full.index(wheel.name, HEAVE) for wheel in vehicle.wheels]
-    free, inertia, K, Cd, push = _supported(vehicle, track, full, wheels)
+    free, M, K, Cd, push = _supported(vehicle, track, full, wheels)
     freedoms = tuple(full.degrees_of_freedom[i] for i in free)
     shaken = _shaken(vehicle, freedoms) if unmodelled > 0.0 else []
     f, n = len(free), 2 * len(free) + FILTER_STATES * len(shaken)
     A, B = np.zeros((n, n)), np.zeros((n, 3, len(wheels)))
     A[:f, f : 2 * f] = np.eye(f)
-    A[f : 2 * f, :f], A[f : 2 * f, f : 2 * f] = -K / inertia[:, None], -Cd / inertia[:, None]
-    B[f : 2 * f] = push / inertia[:, None, None]
+    A[f : 2 * f, : 2 * f] = -np.linalg.solve(M, np.hstack([K, Cd]))
+    B[f : 2 * f] = np.linalg.solve(M, push.reshape(f, -1)).reshape(push.shape)
     disturbance = _shake(A, shaken, f, unmodelled)
     C, D = np.zeros((len(sensors), n)), np.zeros((len(sensors), 3, len(wheels)))
     for row, sensor in enumerate(sensors):
@@ -95,9 +100,11 @@ def state_space(
             )
             if isinstance(track, RigidTrack):
                 D[row, 2] = weights[wheels]
+    seen = np.array([one.gain_along for one in sensors])
+    C, D = seen[:, None] * C, seen[:, None, None] * D
     positions = np.array([wheel.position for wheel in vehicle.wheels])
     exact = StateSpace(freedoms, A, B, C, D, disturbance, positions)
-    return _with_offsets(_low_passed(exact, sensors))
+    return _with_offsets(_low_passed(_with_residuals(exact, sensors, loudness), sensors))
 
 
 def transfer_function(system: StateSpace, spatial_frequency: Array, speed: float) -> ComplexArray:
@@ -216,8 +223,8 @@ def _noise_polynomial(A: Array, intensity: Array, start: Array, out: Array) -> N
 def _supported(
     vehicle: Vehicle, track: PointTrack, full: Assembly, wheels: list[int]
 ) -> tuple[list[int], Array, Array, Array, Array]:
-    """Free degrees of freedom, their inertia, K and C, and the push (free, 3, wheels) of z, ż and z̈."""
-    inertia = np.diag(full.mass).copy()
+    """Free degrees of freedom, M, K and C over them, and the push (free, 3, wheels) of z, ż and z̈."""
+    M = full.mass
     everything = list(range(len(full.degrees_of_freedom)))
     match track:
         case RigidTrack():
@@ -235,12 +242,12 @@ def _supported(
             free = everything
             on_wheels = np.zeros((len(free), len(wheels)))
             on_wheels[wheels, range(len(wheels))] = 1.0
-            K = full.stiffness + track.stiffness * on_wheels @ on_wheels.T
-            C = full.damping + track.damping * on_wheels @ on_wheels.T
-            inertia[wheels] += track.mass
-            numbers = np.array([track.stiffness, track.damping, track.mass])
-            push = on_wheels[:, None, :] * numbers[:, None]
-    return free, inertia[free], K[np.ix_(free, free)], C[np.ix_(free, free)], push
+            positions = np.array([wheel.position for wheel in vehicle.wheels])
+            push = np.einsum("fw,kwv->fkv", on_wheels, under_wheels(track, positions))
+            K = full.stiffness + push[:, 0] @ on_wheels.T
+            C = full.damping + push[:, 1] @ on_wheels.T
+            M = M + push[:, 2] @ on_wheels.T
+    return free, M[np.ix_(free, free)], K[np.ix_(free, free)], C[np.ix_(free, free)], push
 
 
 def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
@@ -284,6 +291,25 @@ def _low_passed(system: StateSpace, sensors: Sequence[Sensor]) -> StateSpace:
         C[sensor, first + 1] = 1.0
     disturbance = np.pad(system.disturbance, ((0, added), (0, 0)))
     return replace(system, A=A, B=B, C=C, D=D, disturbance=disturbance)
+
+
+def _with_residuals(
+    system: StateSpace, sensors: Sequence[Sensor], loudness: Sequence[float]
+) -> StateSpace:
+    """Each residual in what its sensor reads: ė_1 = -2ζω e_1 - ω e_2 + noise, ė_2 = ω e_1, y += e_1."""
+    left = [(i, one.residual) for i, one in enumerate(sensors) if one.residual and len(loudness)]
+    n, kinds, added = len(system.A), system.disturbance.shape[1], FILTER_STATES * len(left)
+    A, C = np.pad(system.A, ((0, added), (0, added))), np.pad(system.C, ((0, 0), (0, added)))
+    disturbance = np.pad(system.disturbance, ((0, added), (0, len(left))))
+    for place, (sensor, residual) in enumerate(left):
+        first, rate = n + FILTER_STATES * place, 2 * np.pi * residual.frequency
+        A[first, first] = -2 * residual.damping * rate
+        A[first, first + 1], A[first + 1, first] = -rate, rate
+        C[sensor, first] = 1.0
+        deviation = residual.share * loudness[sensor]
+        disturbance[first, kinds + place] = deviation * np.sqrt(4 * residual.damping * rate)
+    B = np.pad(system.B, ((0, added), (0, 0), (0, 0)))
+    return replace(system, A=A, B=B, C=C, disturbance=disturbance)
 
 
 def _with_offsets(system: StateSpace) -> StateSpace:

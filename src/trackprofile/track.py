@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from trackprofile.errors import ModelError
 
@@ -18,6 +19,22 @@ class RigidTrack:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """How the rail hands one wheel's load on to another, at some distances; in between by a spline, outside not.
+
+    Parameters
+    ----------
+    distance : (n,), m between two wheels, rising
+    stiffness, damping, mass : (n,), N/m, N s/m and kg, which a wheel feels of the other's deflection
+    """
+
+    distance: tuple[float, ...]
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
+    mass: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class ElasticTrack:
     """Each wheel stands on k_t + c_t d/dt + m_t d²/dt², fitted to the track's receptance at low frequency.
 
@@ -26,6 +43,7 @@ class ElasticTrack:
     stiffness : k_t per wheel, N/m
     damping : c_t per wheel, N s/m
     mass : m_t per wheel, kg, that moves as the rail deflects
+    coupling : between wheels; None: each stands by itself
 
     Examples
     --------
@@ -37,6 +55,7 @@ class ElasticTrack:
     damping: float
     source: str = ""
     mass: float = 0.0
+    coupling: Coupling | None = None
 
     def __post_init__(self) -> None:
         if not self.stiffness > 0 or self.damping < 0 or self.mass < 0:
@@ -44,6 +63,26 @@ class ElasticTrack:
                 "a track needs stiffness above 0, damping and mass of at least 0, got "
                 f"{self.stiffness} N/m, {self.damping} N s/m and {self.mass} kg"
             )
+
+
+def under_wheels(track: ElasticTrack, positions: Array) -> Array:
+    """[K_t, C_t, M_t] of the wheels at ``positions`` m, (3, wheels, wheels), in N/m, N s/m and kg.
+
+    Examples
+    --------
+    >>> under_wheels(ElasticTrack(8e7, 3e4), np.array([0.0, 2.5]))[0]
+    array([[80000000.,        0.],
+           [       0., 80000000.]])
+    """
+    alone = np.array([track.stiffness, track.damping, track.mass])
+    matrices = np.multiply.outer(alone, np.eye(len(positions)))
+    if track.coupling is not None:
+        one = track.coupling
+        apart = np.abs(positions[:, None] - positions)
+        near = (apart >= one.distance[0]) & (apart <= one.distance[-1])
+        values = np.stack([one.stiffness, one.damping, one.mass], axis=1)
+        matrices[:, near] = CubicSpline(one.distance, values)(apart[near]).T
+    return np.asarray(matrices, np.float64)
 
 
 @dataclass(frozen=True)

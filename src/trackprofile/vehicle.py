@@ -55,13 +55,19 @@ class Link:
 class Parameter:
     """A named number of a vehicle, with its unit and source, and the fields that take it.
 
-    ``used_by`` holds pairs (part, field), so that one suspension stiffness serves all its springs.
+    ``used_by`` holds pairs (part, field), so that one suspension stiffness serves all its springs. ``spread`` is
+    how well the value is known: the standard deviation of its logarithm.
     """
 
     name: str
     unit: str
     used_by: tuple[tuple[str, str], ...]
     source: str = ""
+    spread: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not self.spread > 0:
+            raise ModelError(f"parameter {self.name!r} needs a spread above 0, got {self.spread:g}")
 
 
 @dataclass(frozen=True)

@@ -159,25 +159,38 @@ def _only_of(method: Method, **given: object) -> None:
 @app.command()
 def calibrate(
     recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...")],
-    reference: Annotated[
-        Path, typer.Option(metavar="PROFILE", help="The profile that is known there.")
-    ],
     vehicle: RequiredVehicle,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="TOML", help="The vehicle.")],
+    reference: Annotated[
+        Path | None,
+        typer.Option(metavar="PROFILE", help="The profile there, where it is known."),
+    ] = None,
     track: TrackName = "rigid",
+    prior: Annotated[
+        str | None,
+        typer.Option(metavar="SPECTRUM", help="Shape of the unknown profile: a preset, or a TOML."),
+    ] = None,
     parameter: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="To fit; may be repeated. Without: all that can be."),
     ] = None,
+    anyway: Annotated[
+        bool, typer.Option(help="Write also what the data tell less than the prior.")
+    ] = False,
     from_m: From = None,
     to_m: To = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="How sure each parameter is, and what is left (.png)."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Fit a vehicle to recordings of a stretch whose profile is known."""
+    """Fit a vehicle to recordings, with or without a reference for the profile under them."""
     from trackprofile.contracts import between
     from trackprofile.inference.calibration import calibrate as fit
     from trackprofile.io.model_toml import (
         check_vehicle_place,
+        read_spectrum,
         read_track,
         read_vehicle,
         write_vehicle,
@@ -185,23 +198,19 @@ def calibrate(
 
     check_vehicle_place(output)
     measured = [between(_read(path, "recording"), from_m, to_m) for path in recordings]
-    known = between(_read(reference, "profile"), from_m, to_m)
+    known = None if reference is None else between(_read(reference, "profile"), from_m, to_m)
     car, installation = read_vehicle(vehicle)
     support = read_track(track)
+    spectrum = None if prior is None else read_spectrum(prior)
     with show.progress_bars() as progress:
         found = fit(
-            measured,
-            known,
-            car,
-            installation=installation,
-            track=support,
-            parameters=parameter,
-            progress=progress,
-        )
+            measured, car, known, installation=installation, track=support, prior=spectrum,
+            parameters=parameter, anyway=anyway, progress=progress,
+        )  # fmt: skip
     result = found.as_dict()
     origin = {
         "recordings": [path.name for path in recordings],
-        "reference": reference.name,
+        "reference": None if reference is None else reference.name,
         "track": track,
         "from_m": from_m,
         "to_m": to_m,

@@ -107,19 +107,23 @@ def _step(motion, T, start, end, F, G, F_new, G_new, push):  # pragma: no cover
 
 
 @compiled
-def _add_noise(motion, noise, Q, scratch):  # pragma: no cover
-    """Q ← Φ Q Φᵀ + what the disturbances add in this step."""
-    n = Q.shape[0]
-    for a in range(n):
-        scratch[a, :] = 0.0
-        for k in range(n):
-            for j in range(n):
-                scratch[a, j] += motion[a, k] * Q[k, j]
-    for a in range(n):
-        for c in range(n):
-            Q[a, c] = noise[a, c]
-            for k in range(n):
-                Q[a, c] += scratch[a, k] * motion[c, k]
+def _add_noise(motion, noise, shaken, Q, scratch):  # pragma: no cover
+    """Q ← Φ Q Φᵀ + what the disturbances add in this step, over the states that they reach."""
+    for a in shaken:
+        for j in shaken:
+            scratch[a, j] = 0.0
+        for k in shaken:
+            if motion[a, k] != 0.0:
+                for j in shaken:
+                    scratch[a, j] += motion[a, k] * Q[k, j]
+    for a in shaken:
+        for c in shaken:
+            if c > a:
+                break
+            value = noise[a, c]
+            for k in shaken:
+                value += scratch[a, k] * motion[c, k]
+            Q[a, c] = Q[c, a] = value
 
 
 @compiled
@@ -160,6 +164,12 @@ def bays(
     start, end = np.empty((3, w, COLUMNS)), np.empty((3, w, COLUMNS))
     scratch = np.empty((3, COLUMNS))
     last, disturbed = -1.0, Q_all.shape[1] > 0
+    reached = np.zeros(n, np.bool_)
+    for a in range(n):
+        for node in range(noise_table.shape[0]):
+            for order in range(noise_table.shape[1]):
+                reached[a] |= noise_table[node, order, a, a] != 0.0
+    shaken = np.flatnonzero(reached)
     for b in range(len(first_step) - 1):
         F, G, bases = F_all[b], G_all[b], bases_all[b]
         F[:, :] = 0.0
@@ -182,7 +192,7 @@ def bays(
                 )  # fmt: skip
                 _step(motion, interval[k], start, end, F, G, F_new, G_new, push)
                 if disturbed:
-                    _add_noise(motion, noise, Q_all[b], F_new)
+                    _add_noise(motion, noise, shaken, Q_all[b], F_new)
                 start, end = end, start
             while sample[k] >= 0 and row < first_row[b + 1] and sensor_of_row[row, 0] == sample[k]:
                 sensor = sensor_of_row[row, 1]

@@ -1,45 +1,47 @@
-"""calibrate: the vehicle, the sensors' places and the noise, from a stretch whose profile is known."""
+"""calibrate: the vehicle, the sensors' places and the noise, from what was recorded; with a reference or without."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
-from trackprofile.errors import UndeterminedError
-from trackprofile.inference.evidence import innovations_given, innovations_of
-from trackprofile.inference.known import SEARCHED_ORIGINS, KnownProfile
-from trackprofile.inference.likelihood import (
-    Maximum,
-    Progress,
-    log_likelihood,
-    maximise,
-    slopes,
+from trackprofile.inference.fitting import (
+    Fit,
+    disagreement,
+    fit_mechanics,
+    fit_noise,
+    fitted,
+    highest_of,
 )
+from trackprofile.inference.known import SEARCHED_ORIGINS
+from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
     KNOT_SPACING,
     USUAL,
-    Measured,
     Model,
-    measured,
+    loudness,
     shaken_channel,
 )
 from trackprofile.inference.parameters import (
     ORIGIN,
     Parameter,
-    changed,
-    mechanical_parameters,
-    noise_parameters,
+    chosen,
+    mounting_parameters,
+    place_parameters,
+    track_parameters,
     value_of,
+    vehicle_parameters,
 )
+from trackprofile.inference.passes import Pass, informative, passes_of
+from trackprofile.inference.usable import Explained, explained, limited
 from trackprofile.receptance import point_track
-from trackprofile.sensor import Installation
-from trackprofile.spectrum import scaled
+from trackprofile.sensor import Installation, Sensor
+from trackprofile.spectrum import Spectrum
 from trackprofile.track import PointTrack, RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
@@ -48,14 +50,17 @@ Array = NDArray[np.float64]
 MEMORY = 20.0
 """m over which residuals hang together: a few periods of the body's bounce."""
 
-FIRST_MOVE = 0.5
-"""Of each logarithm of a noise, with which its search begins."""
+TYPICAL_UNMODELLED = 0.075
+"""Of what a body shows: what its rigid, linear model left where a reference told it."""
 
-LITTLE, NOTHING = 1.0, 0.01
-"""Information of a direction, in units of the prior's: less than the prior's own; next to none."""
+BAND_FOUND = 0.25
+"""Share by which the usable band may change once the vehicle is fitted, before it is fitted again."""
 
-INVOLVED = 0.3
-"""Share of an undetermined direction from which a parameter counts as part of it."""
+LEAST_BAND = 2.0
+"""Hz: the bounce of a body lies below."""
+
+FAR = 3.0
+"""Standard deviations of the prior, from which an estimate counts as at the edge of it."""
 
 
 @dataclass(frozen=True)
@@ -109,241 +114,209 @@ class Calibration:
 
 def calibrate(
     recording: xr.Dataset | Sequence[xr.Dataset],
-    reference: xr.Dataset,
     vehicle: Vehicle,
+    reference: xr.Dataset | None = None,
     *,
     installation: Installation | None = None,
     track: Track | None = None,
+    prior: Spectrum | None = None,
     parameters: Sequence[str] | None = None,
+    anyway: bool = False,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Fit named parameters to recordings of a stretch whose profile is known.
+    """Fit named parameters to recordings, by maximising the posterior; a reference is only more data.
 
-    First the vehicle and the sensors' places, by least squares on the signals: what a rigid, linear car leaves
-    out is strongest where the signals are, and must not be explained away by colouring the residual. Then, with
-    those held, the noise of the sensors and the unmodelled acceleration: as makes the reference most probable,
-    given the signals.
-    Each parameter has a prior about its start (log-normal where it is positive); the standard errors allow for
-    residuals that hang together over ``MEMORY`` m.
+    First the vehicle and the sensors' places with white noise alone: what a rigid, linear car leaves out is
+    strongest where the signals are, and must not be explained away by colouring the residual. Over a known profile
+    that is least squares of the signals. Over an unknown one it is the likelihood of the signals under a profile of
+    the prior's shape, whose level is fitted too; of the signals only what lies in the usable band is taken, in which
+    the track explains more of them than the noise does.
+    Then, with those held, the noise of the sensors and the unmodelled acceleration, where a reference tells them: as
+    makes it most probable, given the signals.
+    Each parameter has a prior about its start (log-normal where it is positive, with the vehicle's ``spread``); the
+    standard errors allow for residuals that hang together over ``MEMORY`` m.
 
     Parameters
     ----------
-    recording : one or more, of the same vehicle
-    reference : the profile contract
+    recording : one or more, of the same vehicle and sensors
     vehicle, installation : where the fit starts
-    parameters : names to fit; None takes all, and holds those that the data cannot tell
+    reference : the profile contract; None where the profile is unknown
+    track : what the wheels stand on; None is a rigid track
+    prior : shape of the unknown profile's spectrum, and where the search for its level starts
+    parameters : names to fit; None takes all of the vehicle and the places, and holds those that the data cannot tell
+    anyway : keep also what the data tell less than the prior does
     progress : told the stage and its share done
 
     Raises
     ------
     DataError
-        Where the reference does not cover a recording.
+        Where the reference covers none of the recordings, or these have different sensors.
     UndeterminedError
-        Where the data cannot tell one of the ``parameters``.
+        Where the data cannot tell one of the ``parameters``, or none of all.
     """
     installation = installation or Installation()
     progress = progress or (lambda stage, share: None)
     recordings = [recording] if isinstance(recording, xr.Dataset) else list(recording)
-    known = KnownProfile.of(reference)
-    data = [
-        known.covered(measured(one, installation), vehicle, installation.origin)
-        for one in recordings
+    passes, notes = passes_of(recordings, reference, vehicle, installation)
+    passes, said = informative(passes)
+    notes += said
+    given = _started(passes, vehicle, point_track(track or RigidTrack()), installation, prior)
+    wanted, start = _to_fit(given, parameters, with_origin=reference is not None), given
+    if reference is not None:
+        progress("finding the origin", 0.0)
+        start = _with_best_origin(passes, given, wanted)
+    fit = _fit(passes, start, wanted, parameters is not None, anyway, notes, progress)
+    model = _with_noise(passes, fit, installation, notes, progress)
+    notes += _doubts(start, fit)
+    return _calibration(given, model, fit, installation, tuple(notes))
+
+
+def _fit(
+    passes: list[Pass], start: Model, wanted: list[Parameter], asked: bool, anyway: bool,
+    notes: list[str], progress: Progress,
+) -> Fit:  # fmt: skip
+    """Fit in the band that the start shows to be usable, and again if the fitted vehicle shows another."""
+    cut, highest = _in_band(passes, start)
+    fit = fit_mechanics(
+        cut, start, wanted, asked=asked, anyway=anyway, notes=notes, progress=progress
+    )
+    again, after = _in_band(passes, fit.model)
+    if any(abs(a - b) > BAND_FOUND * b for a, b in zip(after, highest, strict=True)):
+        fit, highest = fitted(again, start, fit.model, fit.free, progress), after
+    notes += [
+        f"usable band of {one.name}: up to {frequency:.1f} Hz, where the track explains more of it than noise does"
+        for one, frequency in zip(start.sensors, highest, strict=False)
     ]
-    start = _started(data, vehicle, point_track(track or RigidTrack()), installation)
-    every = mechanical_parameters(start, parameters)
-    progress("finding the origin", 0.0)
-    beginning = _with_best_origin(data, known, start, every)
-    free, notes = _told(data, known, beginning, every, asked=parameters is not None)
-    asked = parameters is not None
-    fitted, free, found = _fit_mechanics(data, known, beginning, free, asked, notes, progress)
-    complete = _fit_noise(data, known, _noisy(data, fitted, installation), progress)
-    if not found.converged:
-        notes.append(
-            "the fit did not converge: its likelihood is flat or rough; hold some parameters"
-        )
-    covariance = found.covariance(memory=_rows_within(MEMORY, data))
-    return _calibration(start, complete, free, found, covariance, installation, tuple(notes))
+    return fit
 
 
-def _rows_within(length: float, data: list[Measured]) -> int:
+def _in_band(passes: Sequence[Pass], model: Model) -> tuple[list[Pass], list[float]]:
+    """The passes, those without a known profile cut to the usable band; and the band's ends, Hz, one per sensor."""
+    unknown = [one.data for one in passes if one.known is None]
+    if not unknown:
+        return list(passes), []
+    highest = [max(one.highest, LEAST_BAND) for one in explained(unknown, model)[0]]
+    return [
+        one if one.known else replace(one, data=limited(one.data, highest)) for one in passes
+    ], highest
+
+
+def _to_fit(start: Model, names: Sequence[str] | None, *, with_origin: bool) -> list[Parameter]:
+    """Those of the names; without names, what is unknown of every vehicle."""
+    usual = vehicle_parameters(start) + place_parameters(start)
+    if not with_origin:
+        usual = [one for one in usual if one.name != ORIGIN]
+    if names is None:
+        return usual
+    return chosen(usual + mounting_parameters(start) + track_parameters(start), names)
+
+
+def _rows_within(length: float, passes: Sequence[Pass]) -> int:
     """Measurement rows per ``length`` m, on average over the recordings."""
-    run = sum(float(np.ptp(one.motion.distance)) for one in data)
-    return round(length * sum(one.signals.size for one in data) / run)
+    run = sum(one.length for one in passes)
+    return round(length * sum(one.data.signals.size for one in passes) / run)
 
 
 def _started(
-    data: list[Measured], vehicle: Vehicle, track: PointTrack, installation: Installation
-) -> Model:
-    """The model where the fit starts: white noise alone, a tenth of the signal, and a reference without error."""
-    first = data[0]
-    sensors = [
-        replace(sensor, noise_density=0.1 * float(np.std(first.signals[first.valid[:, i], i])))
-        for i, sensor in enumerate(first.sensors)
-    ]
-    exact = scaled(USUAL, 1e-9)
-    return Model(vehicle, track, tuple(sensors), installation.origin, 0.0, exact)
+    passes: Sequence[Pass], vehicle: Vehicle, track: PointTrack, installation: Installation,
+    prior: Spectrum | None,
+) -> Model:  # fmt: skip
+    """The model where the fit starts: white noise alone, and the level of an unknown profile."""
+    first = passes[0].data
+    spread = loudness(first)
+    sensors = tuple(
+        replace(one, noise_density=0.1 * float(size))
+        for one, size in zip(first.sensors, spread, strict=True)
+    )
+    model = Model(
+        vehicle, track, sensors, installation.origin, 0.0, prior or USUAL, installation.distance_scale
+    )  # fmt: skip
+    unknown = [one.data for one in passes if one.known is None]
+    if not unknown:
+        return model
+    parts, spectrum = explained(unknown, model)
+    if len(unknown) < len(passes):
+        return replace(model, spectrum=spectrum)
+    noisy = [_noise(*pair) for pair in zip(first.sensors, parts, strict=True)]
+    return replace(model, sensors=tuple(noisy), spectrum=spectrum)
 
 
-def _noisy(data: list[Measured], model: Model, installation: Installation) -> Model:
-    """Where the search for the noise starts: drift with a corner at 0.2 Hz, a tenth of the signal unmodelled."""
-    drifting = tuple(replace(one, drift=one.drift or one.noise_density) for one in model.sensors)
-    on_body = shaken_channel(model.vehicle, data[0].sensors) is not None
-    unmodelled = (installation.unmodelled or 0.1) if on_body else 0.0
-    return replace(model, sensors=drifting, unmodelled=unmodelled)
+def _noise(sensor: Sensor, part: Explained) -> Sensor:
+    """The sensor with the noise that its signal shows; not less than it states."""
+    found = float(np.sqrt(part.noise[0]))
+    return replace(sensor, noise_density=max(found, sensor.noise_density or 0.0))
 
 
-def _with_best_origin(
-    data: list[Measured], known: KnownProfile, start: Model, free: list[Parameter]
-) -> Model:
+def _with_best_origin(passes: Sequence[Pass], start: Model, free: Sequence[Parameter]) -> Model:
     """The origin with the highest likelihood on a grid: it has many local maxima, a wave apart."""
     if not any(one.name == ORIGIN for one in free):
         return start
     # Off the knots: where all samples of a distance-sampled recording lie on knots, round-off decides their bays.
     shifts = np.arange(-SEARCHED_ORIGINS, SEARCHED_ORIGINS, 1.0) + 0.45 * KNOT_SPACING
-    trials = [replace(start, origin=start.origin + shift) for shift in shifts]
-    heights = [log_likelihood(*innovations_given(data, known, trial)) for trial in trials]
-    return trials[int(np.argmax(heights))]
+    known = [one for one in passes if one.known]
+    return highest_of(known, [replace(start, origin=start.origin + shift) for shift in shifts])
 
 
-def _function_of(
-    data: list[Measured], known: KnownProfile, start: Model, free: list[Parameter]
-) -> Callable[[Array], tuple[Array, Array]]:
-    return lambda at: innovations_given(data, known, changed(start, free, at))
-
-
-def _fitted(
-    data: list[Measured], known: KnownProfile, centre: Model, start: Model, free: list[Parameter],
-    progress: Callable[[float], None],
-) -> Maximum:  # fmt: skip
-    """The maximum over ``free``, from ``start``, with the prior about ``centre``."""
-    at, about = (np.array([value_of(model, one) for one in free]) for model in (start, centre))
-    precision = np.array([one.spread**-2 for one in free])
-    return maximise(_function_of(data, known, start, free), at, about, precision, progress)
-
-
-def _fit_mechanics(
-    data: list[Measured], known: KnownProfile, beginning: Model, free: list[Parameter], asked: bool,
-    notes: list[str], progress: Progress,
-) -> tuple[Model, list[Parameter], Maximum]:  # fmt: skip
-    """Fit vehicle and places; hold what the data turn out not to tell, and fit the rest again."""
-    model = beginning
-    while True:
-        every = [*free, *noise_parameters(model)]
-        found = _fitted(
-            data,
-            known,
-            beginning,
-            model,
-            every,
-            lambda share: progress("fitting the vehicle", share),
+def _with_noise(
+    passes: Sequence[Pass], fit: Fit, installation: Installation, notes: list[str], progress: Progress
+) -> Model:  # fmt: skip
+    """The noise, and what the vehicle's model leaves out, for the fitted vehicle."""
+    on_body = shaken_channel(fit.model.vehicle, fit.model.sensors) is not None
+    if any(one.known for one in passes):
+        return fit_noise(passes, _noisy(fit.model, installation, on_body=on_body), progress)
+    if not on_body:
+        return fit.model
+    unmodelled = installation.unmodelled
+    if unmodelled is None:
+        unmodelled = TYPICAL_UNMODELLED
+        notes.append(
+            f"unmodelled acceleration is taken to be {unmodelled:.1%} of what the body shows: without a reference it "
+            "is not told apart from the track"
         )
-        model = changed(model, every, found.parameters)
-        lost = _untold(found.slopes.information[: len(free), : len(free)], free, LITTLE)
-        if lost is None:
-            return model, free, found
-        if asked:
-            raise _undetermined(free, lost)
-        worst = lost[0]
-        notes.append(_held(free, lost))
-        model = changed(model, [free[worst]], np.array([value_of(beginning, free[worst])]))
-        free = [one for i, one in enumerate(free) if i != worst]
+    shaken = replace(fit.model, unmodelled=unmodelled)
+    return fitted(fit.passes, shaken, shaken, [], progress).model
 
 
-def _fit_noise(
-    data: list[Measured], known: KnownProfile, model: Model, progress: Progress
-) -> Model:
-    """The noise under which the reference is most probable, given the signals.
-
-    log p(r|y) = log p(y|r) - log p(y) + log p(r), of which the last does not depend on the noise. Unlike
-    p(y|r) alone, the difference is not swayed by what in the signals tells nothing of the track.
-    """
-    noise = noise_parameters(model)
-    centre = np.array([value_of(model, one) for one in noise])
-    precision = np.array([one.spread**-2 for one in noise])
-
-    def improbability(at: Array) -> float:
-        trial = changed(model, noise, at)
-        given = log_likelihood(*innovations_given(data, known, trial))
-        free = log_likelihood(*innovations_of(data, replace(trial, spectrum=known.spectrum)))
-        return free - given + 0.5 * float(np.sum(precision * (at - centre) ** 2))
-
-    progress("fitting the noise", 0.0)
-    simplex = np.vstack([centre, centre + FIRST_MOVE * np.eye(len(centre))])
-    found = minimize(
-        improbability, centre, method="Nelder-Mead",
-        options={"xatol": 0.05, "fatol": 0.3, "initial_simplex": simplex},
-    )  # fmt: skip
-    progress("fitting the noise", 1.0)
-    return changed(model, noise, found.x)
+def _noisy(model: Model, installation: Installation, *, on_body: bool) -> Model:
+    """Where the search for the noise starts: drift with a corner at 0.2 Hz, a tenth of the signal unmodelled."""
+    drifting = tuple(replace(one, drift=one.drift or one.noise_density) for one in model.sensors)
+    unmodelled = (installation.unmodelled or 0.1) if on_body else 0.0
+    return replace(model, sensors=drifting, unmodelled=unmodelled)
 
 
-def _told(
-    data: list[Measured], known: KnownProfile, start: Model, free: list[Parameter], asked: bool
-) -> tuple[list[Parameter], list[str]]:
-    """Leave out, one by one, what no fit could tell, whatever the values; refuse if it was asked for."""
-    at = np.array([value_of(start, one) for one in free])
-    information = slopes(_function_of(data, known, start, free), at).information
-    notes: list[str] = []
-    while (lost := _untold(information, free, NOTHING)) is not None:
-        if asked:
-            raise _undetermined(free, lost)
-        notes.append(_held(free, lost))
-        keep = [i for i in range(len(free)) if i != lost[0]]
-        free, information = [free[i] for i in keep], information[np.ix_(keep, keep)]
-    return free, notes
-
-
-def _untold(information: Array, free: list[Parameter], least: float) -> list[int] | None:
-    """Parameters of the direction that the data tell least, the most involved first; None if it is told.
-
-    A direction is told if its eigenvalue of the information, in units of the prior's, exceeds ``least``.
-    """
-    spread = np.array([one.spread for one in free])
-    values, directions = np.linalg.eigh(information * np.outer(spread, spread))
-    if values[0] > least:
-        return None
-    share = np.abs(directions[:, 0])
-    # The first of those that share a direction alike: masses stand first, and only their ratios are told.
-    worst = int(np.flatnonzero(share > 0.8 * np.max(share))[0])
-    others = [int(i) for i in np.argsort(-share) if share[i] > INVOLVED and i != worst]
-    return [worst, *others]
-
-
-def _undetermined(free: list[Parameter], lost: list[int]) -> UndeterminedError:
-    names = ", ".join(repr(free[i].name) for i in lost)
-    if len(lost) == 1:
-        return UndeterminedError(
-            f"The data do not tell {names}: leave it out, or add recordings that excite it."
+def _doubts(start: Model, fit: Fit) -> list[str]:
+    """Sentences on what speaks against the fit."""
+    notes = disagreement(fit)
+    if not fit.found.converged:
+        notes.append(
+            "the fit did not converge: its likelihood is flat or rough; hold some parameters"
         )
-    return UndeterminedError(
-        f"The data tell {names} only together, not each: leave one of them out, or add recordings at other speeds."
-    )
-
-
-def _held(free: list[Parameter], lost: list[int]) -> str:
-    name, others = free[lost[0]].name, ", ".join(free[i].name for i in lost[1:])
-    return f"{name} is held at its start: the data do not tell it" + (
-        f" apart from {others}" if others else ""
-    )
+    for one in fit.free:
+        off = value_of(fit.model, one) - value_of(start, one)
+        if abs(off) > FAR * one.spread:
+            notes.append(
+                f"{one.name} went to {one.get(fit.model):.4g} {one.unit}, far outside its prior about "
+                f"{one.get(start):.4g}: start from another vehicle, or hold it"
+            )
+    return notes
 
 
 def _calibration(
-    start: Model, model: Model, free: list[Parameter], found: Maximum, covariance: Array,
-    installation: Installation, notes: tuple[str, ...],
-) -> Calibration:  # fmt: skip
-    covariance = covariance[: len(free), : len(free)]
+    start: Model, model: Model, fit: Fit, installation: Installation, notes: tuple[str, ...]
+) -> Calibration:
+    count = len(fit.free)
+    covariance = fit.found.covariance(memory=_rows_within(MEMORY, fit.passes))[:count, :count]
     errors = np.sqrt(np.diag(covariance))
     estimates = []
-    for i, one in enumerate(free):
-        first, value, error = value_of(start, one), float(found.parameters[i]), float(errors[i])
-        if one.positive:
-            first, value = float(np.exp(first)), float(np.exp(value))
-            error *= value
-        estimates.append(Estimated(one.name, one.unit, first, value, error))
-    correlation = covariance / np.outer(errors, errors)
+    for one, error in zip(fit.free, errors, strict=True):
+        first, value = one.get(start), one.get(fit.model)
+        scale = value if one.positive else 1.0
+        estimates.append(Estimated(one.name, one.unit, first, value, scale * float(error)))
     fitted = replace(
-        installation, origin=model.origin, sensors=model.sensors, unmodelled=model.unmodelled
-    )
+        installation, origin=model.origin, sensors=model.sensors, unmodelled=model.unmodelled,
+        distance_scale=model.distance_scale,
+    )  # fmt: skip
     return Calibration(
-        model.vehicle, fitted, tuple(estimates), correlation, found.slopes.log_likelihood, notes
-    )
+        model.vehicle, fitted, tuple(estimates), covariance / np.outer(errors, errors),
+        fit.found.slopes.log_likelihood, notes,
+    )  # fmt: skip

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from trackprofile.errors import ModelError
-from trackprofile.inference.measured import Measured, Model
+from trackprofile.inference.measured import Measured, Model, moved
 from trackprofile.integrate import newmark
 from trackprofile.irregularity import Sampled
 from trackprofile.simulation.drive import Followed
@@ -46,15 +46,15 @@ def beyond_reduced(
         raise ModelError(
             "Only a layered track can be corrected for; choose one, or ask for no correction."
         )
-    moved = data.motion.distance + model.origin
-    profile = _extended(place, elevation, moved, model.vehicle.length)
-    drive = Followed(data.motion.time, moved, data.motion.speed, RUN_IN)
-    run = Run(float(moved[0]), float(moved[-1]), drive, run_in=RUN_IN)
+    along = moved(data, model)
+    profile = _extended(place, elevation, along.distance, model.vehicle.length)
+    drive = Followed(along.time, along.distance, along.speed, RUN_IN)
+    run = Run(float(along.distance[0]), float(along.distance[-1]), drive, run_in=RUN_IN)
     read = []
     for on in (track, model.track):
         made = simulate(model.vehicle, on, profile, run, newmark(STEP))
         signals = [felt(made, model.vehicle, sensor) for sensor in model.sensors]
-        at = np.clip(moved, made.position[0], made.position[-1])
+        at = np.clip(along.distance, made.position[0], made.position[-1])
         read.append(CubicSpline(made.position, np.stack(signals, axis=1))(at))
     return np.asarray(read[0] - read[1], np.float64)
 

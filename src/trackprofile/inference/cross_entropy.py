@@ -21,6 +21,7 @@ from trackprofile.inference.measured import loading, measured
 from trackprofile.inference.scans import Scans, scans_of
 from trackprofile.inference.trial import Trial, trial
 from trackprofile.integrate import wilson
+from trackprofile.motion import along_track
 from trackprofile.search import TABLE_5, TABLE_6, Evaluation, Objective, Search, Variant
 from trackprofile.sensor import Installation
 from trackprofile.track import RigidTrack, Track
@@ -145,14 +146,14 @@ def cross_entropy(
     progress = progress or (lambda stage, share: None)
     data = measured(recording, installation)
     search = search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
-    scans, notes = scans_of(data, installation.origin, search)
+    scans, notes = scans_of(data, installation, search)
     model = trial(vehicle, track, data.sensors, wilson(scans.step), scans.position, scans.speed)
     _check_reaction(model, search)
     march = _march(model, scans, search, evaluation, np.random.default_rng(seed), progress)
     found = Found(
         _profile(model, march, search, vehicle, track, seed, notes),
         _reproduced(recording, model, scans, march),
-        data.motion.distance + installation.origin,
+        along_track(data.motion, installation.origin, installation.distance_scale).distance,
         tuple(march.phases),
         notes,
         march.stopped,

@@ -20,6 +20,7 @@ from trackprofile.inference.measured import (
     Model,
     loading,
     measured,
+    moved,
     prepared_filter,
     ride_of,
     row_signals,
@@ -140,7 +141,7 @@ def estimate(
     prepared = prepared_filter(data, found, ride, start_of(data, found, system, ride))
     progress("smoothing", 0.5)
     profiles, simulated = prior_draws(prepared, draws, np.random.default_rng(seed))
-    together = np.concatenate([row_signals(data, ride), simulated], axis=1)
+    together = np.concatenate([row_signals(data, found, ride), simulated], axis=1)
     smoothed = smooth(prepared, together)
     progress("smoothing", 0.8)
     errors = profiles - smoothed.elevation[:, 1:]
@@ -151,7 +152,7 @@ def estimate(
         beyond = beyond_reduced(data, found, track, place, elevation)
         rows = beyond[ride.samples, ride.sensors][:, None]
         elevation = elevation - smooth(prepared, rows).elevation[:, 0]
-    run = data.motion.distance + found.origin
+    run = moved(data, found).distance
     inside = slice(*np.searchsorted(place, [run[0], run[-1] + 1e-9]))
     bands, skipped = band_spreads(errors, ride.spacing)
     profile = build_profile(
@@ -214,7 +215,7 @@ def _quality(
     place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride
 ) -> NDArray[np.int8]:
     """Flags of every knot."""
-    run = data.motion.distance + model.origin
+    run = moved(data, model).distance
     flags = np.zeros(len(place), np.int8)
     flags[~_seen(place, run[data.valid.any(axis=1)], model)] |= Quality.GAP
     if "D1" in bands:

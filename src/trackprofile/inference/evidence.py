@@ -1,4 +1,4 @@
-"""How probable the signals are under a model: with the profile unknown, and with the profile given."""
+"""How probable the signals are under a model: over a profile that is unknown, and over one that is known."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import (
     USUAL,
     Measured,
@@ -18,36 +17,44 @@ from trackprofile.inference.measured import (
     row_signals,
     start_of,
 )
+from trackprofile.inference.passes import Pass
 from trackprofile.inference.smoother import innovations
+from trackprofile.spectrum import scaled
 
 Array = NDArray[np.float64]
 
-
-def innovations_of(data: Sequence[Measured], model: Model) -> tuple[Array, Array]:
-    """Innovations and their variances, each (rows,), of all recordings, over a profile like the model's spectrum."""
-    parts = []
-    for one in data:
-        system, ride = ride_of(one, model)
-        prepared = prepared_filter(one, model, ride, start_of(one, model, system, ride))
-        parts.append((innovations(prepared, row_signals(one, ride)), prepared.innovation_variance))
-    return _joined(parts)
+EXACT = scaled(USUAL, 1e-9)
+"""Of the error of a profile that is known."""
 
 
-def innovations_given(
-    data: Sequence[Measured], known: KnownProfile, model: Model
-) -> tuple[Array, Array]:
-    """The same over the known profile, on top of which the model's spectrum is the reference's error."""
-    parts = []
-    for one in data:
-        system, ride = ride_of(one, model)
-        start = start_of(one, replace(model, spectrum=USUAL), system, ride)
-        signals = row_signals(one, ride) - known.response(ride, start)
-        share = model.spectrum.amplitude / USUAL.amplitude
-        around = replace(start, coefficients=share * start.coefficients)
-        prepared = prepared_filter(one, model, ride, around)
-        parts.append((innovations(prepared, signals), prepared.innovation_variance))
-    return _joined(parts)
+def innovations_of(passes: Sequence[Pass], model: Model) -> tuple[Array, Array]:
+    """Innovations and their variances, each (rows,), of all passes.
 
-
-def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    A profile that is unknown is one of the model's spectrum; of one that is known, the signals that it makes are
+    taken off first, and what is left of it is one of ``EXACT``.
+    """
+    parts = [
+        _of_one(one.data, model) if one.known is None else _given(one, model) for one in passes
+    ]
     return np.concatenate([e[:, 0] for e, _ in parts]), np.concatenate([S for _, S in parts])
+
+
+def rows_of(passes: Sequence[Pass]) -> list[int]:
+    """How many innovations each pass has."""
+    return [int(np.count_nonzero(one.data.valid)) for one in passes]
+
+
+def _of_one(data: Measured, model: Model) -> tuple[Array, Array]:
+    system, ride = ride_of(data, model)
+    prepared = prepared_filter(data, model, ride, start_of(data, model, system, ride))
+    return innovations(prepared, row_signals(data, model, ride)), prepared.innovation_variance
+
+
+def _given(one: Pass, model: Model) -> tuple[Array, Array]:
+    assert one.known is not None
+    system, ride = ride_of(one.data, model)
+    start = start_of(one.data, replace(model, spectrum=USUAL), system, ride)
+    signals = row_signals(one.data, model, ride) - one.known.response(ride, start)
+    around = replace(start, coefficients=EXACT.amplitude / USUAL.amplitude * start.coefficients)
+    prepared = prepared_filter(one.data, replace(model, spectrum=EXACT), ride, around)
+    return innovations(prepared, signals), prepared.innovation_variance

@@ -40,7 +40,7 @@ class Maximum:
     parameters : (p,)
     slopes : of the log-likelihood there
     precision : (p,), of the prior
-    converged : whether the last step promised less than a thousandth of a unit of log-likelihood
+    converged : whether the last step promised less than was asked for
     """
 
     parameters: Array
@@ -94,12 +94,14 @@ def maximise(
     centre: Array,
     precision: Array,
     progress: Callable[[float], None] = lambda share: None,
+    enough: float = 1e-3,
 ) -> Maximum:
     """Climb log-likelihood + log-prior from ``start``, damped as by Levenberg and Marquardt.
 
     Parameters
     ----------
     start, centre, precision : (p,), where to begin, and the prior's mean and inverse variance
+    enough : units of log-likelihood: a step that promises less is the last
     """
     parameters, damping, converged = start.copy(), 1e-2, False
 
@@ -115,7 +117,7 @@ def maximise(
         while True:
             damped = curvature + damping * np.diag(np.diag(curvature))
             step = np.clip(np.linalg.solve(damped, gradient), -LARGEST_MOVE, LARGEST_MOVE)
-            converged = float(gradient @ step) < 1e-3
+            converged = float(gradient @ step) < enough
             gained = (
                 height(parameters + step, log_likelihood(*innovations(parameters + step))) - here
             )

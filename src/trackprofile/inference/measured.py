@@ -13,7 +13,7 @@ from trackprofile.contracts import Channel, channels
 from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.ride import Ride, build_ride
 from trackprofile.inference.smoother import Filter, Start, prepare, start_of_ride
-from trackprofile.motion import Motion, motion, recorded_step
+from trackprofile.motion import Motion, along_track, motion, recorded_step
 from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import FILTER_STATES, StateSpace, state_space
@@ -31,6 +31,9 @@ USUAL = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee
 LOCAL = 50.0
 """m to each side over which the strength of a signal is taken."""
 
+TINY = 1e-30
+"""Of a signal that is constant, which then has no local strength either."""
+
 
 @dataclass(frozen=True)
 class Measured:
@@ -42,6 +45,7 @@ class Measured:
     sensors : one per channel
     signals, valid : (n, sensors)
     step : (sensors,), in which each signal was recorded, 0 if as good as continuous
+    limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
     """
 
     motion: Motion
@@ -49,6 +53,7 @@ class Measured:
     signals: Array
     valid: NDArray[np.bool_]
     step: Array
+    limits: Array | None = None
 
 
 def measured(recording: xr.Dataset, installation: Installation) -> Measured:
@@ -82,7 +87,8 @@ def loading(track: Track) -> str:
 class Model:
     """Everything that the likelihood of a recording depends on.
 
-    All noise densities are given; ``unmodelled`` is the share of :class:`trackprofile.sensor.Installation`.
+    All noise densities are given; ``unmodelled`` and ``distance_scale`` are those of
+    :class:`trackprofile.sensor.Installation`.
     """
 
     vehicle: Vehicle
@@ -91,6 +97,17 @@ class Model:
     origin: float
     unmodelled: float
     spectrum: Spectrum
+    distance_scale: float = 1.0
+
+
+def moved(data: Measured, model: Model) -> Motion:
+    """How the leading wheel moved along the track."""
+    return along_track(data.motion, model.origin, model.distance_scale)
+
+
+def own_acceleration(sensors: Sequence[Sensor], motion: Motion) -> Array:
+    """What tilted sensors read of the train's own acceleration, (n, sensors)."""
+    return np.outer(motion.acceleration, [sensor.gain_across for sensor in sensors])
 
 
 def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
@@ -101,19 +118,21 @@ def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
     DataError
         Where the recording is shorter than the vehicle.
     """
-    moved = replace(data.motion, distance=data.motion.distance + model.origin)
-    run, length = moved.distance[-1] - moved.distance[0], model.vehicle.length
+    along = moved(data, model)
+    run, length = along.distance[-1] - along.distance[0], model.vehicle.length
     if run < max(length, 4 * KNOT_SPACING):
         raise DataError(
             f"The recording covers {run:.1f} m, but from the first to the last wheel of "
             f"{model.vehicle.name!r} there are {length:.1f} m; record a longer stretch."
         )
-    system = state_space(model.vehicle, model.track, model.sensors, float(model.unmodelled > 0))
-    ride = build_ride(system, moved, data.valid, KNOT_SPACING)
-    if model.unmodelled > 0:
-        deviation = np.interp(ride.bay_position, moved.distance, unmodelled_deviation(data, model))
-        ride = replace(ride, Q=ride.Q * np.square(deviation)[:, None, None])
-    return system, _with_drift(ride, moved, model.sensors)
+    loud = loudness(data)
+    shaking = unmodelled_deviation(data, model)
+    system = state_space(model.vehicle, model.track, model.sensors, shaking, tuple(loud))
+    ride = build_ride(system, along, data.valid, KNOT_SPACING)
+    if system.disturbance.shape[1] > 0:
+        local = np.interp(ride.bay_position, along.distance, local_loudness(data, loud))
+        ride = replace(ride, Q=ride.Q * np.square(local)[:, None, None])
+    return system, _with_drift(ride, along, model.sensors)
 
 
 def _with_drift(ride: Ride, motion: Motion, sensors: Sequence[Sensor]) -> Ride:
@@ -129,25 +148,38 @@ def _with_drift(ride: Ride, motion: Motion, sensors: Sequence[Sensor]) -> Ride:
     return replace(ride, Q=Q)
 
 
-def unmodelled_deviation(data: Measured, model: Model) -> Array:
-    """Standard deviation of the unmodelled acceleration at each sample, m/s².
+def loudness(data: Measured) -> Array:
+    """Root mean square of each signal about its mean, (sensors,)."""
+    columns = range(data.signals.shape[1])
+    return np.array([np.std(data.signals[data.valid[:, i], i]) for i in columns], dtype=np.float64)
 
-    A share of the root mean square that an accelerometer on the first body measures within ``LOCAL`` m: what a
-    rigid, linear car leaves out grows with what excites it.
+
+def local_loudness(data: Measured, loud: Array) -> Array:
+    """Root mean square of the signals within ``LOCAL`` m of each sample, in units of the whole recording's.
+
+    What a rigid, linear car leaves out grows with what excites it.
     """
+    mean = np.array([np.mean(data.signals[v, i]) for i, v in enumerate(data.valid.T)])
+    squares = np.where(data.valid, np.square((data.signals - mean) / np.maximum(loud, TINY)), 0.0)
+    power = np.concatenate([[0.0], np.cumsum(np.sum(squares, axis=1))])
+    count = np.concatenate([[0], np.cumsum(np.sum(data.valid, axis=1))])
+    at = data.motion.distance
+    low, high = np.searchsorted(at, at - LOCAL), np.searchsorted(at, at + LOCAL, side="right")
+    mean_power = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
+    return np.asarray(np.sqrt(mean_power), np.float64)
+
+
+def unmodelled_deviation(data: Measured, model: Model) -> float:
+    """Standard deviation of the unmodelled acceleration, m/s²: a share of what is measured on the first body."""
+    if model.unmodelled == 0.0:
+        return 0.0
     i = shaken_channel(model.vehicle, data.sensors)
     if i is None:
         raise ModelError(
             f"Unmodelled acceleration is a share of what is measured on {model.vehicle.bodies[0].name!r}, where the "
             "recording has no accelerometer; set unmodelled to 0 in the installation."
         )
-    valid, at = data.valid[:, i], data.motion.distance
-    signal = np.where(valid, data.signals[:, i] - np.mean(data.signals[valid, i]), 0.0)
-    power = np.concatenate([[0.0], np.cumsum(signal**2)])
-    count = np.concatenate([[0], np.cumsum(valid)])
-    low, high = np.searchsorted(at, at - LOCAL), np.searchsorted(at, at + LOCAL, side="right")
-    local = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
-    return model.unmodelled * np.sqrt(local)
+    return float(model.unmodelled * loudness(data)[i])
 
 
 def shaken_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
@@ -164,18 +196,20 @@ def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> F
 
 
 def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> Start:
-    """The prior of the first state, with the spread of unmodelled accelerations, low-passes and offsets."""
-    kinds = system.disturbance.shape[1]
-    spread = float(np.max(unmodelled_deviation(data, model))) if kinds else 0.0
-    loudness = np.std(data.signals, axis=0)
-    low_passes = [
-        float(loud)
-        for sensor, loud in zip(model.sensors, loudness, strict=True)
-        if sensor.bandwidth
-        for _ in range(FILTER_STATES)
+    """The prior of the first state, with the spread of unmodelled accelerations, low-passes, residuals, offsets."""
+    loud = loudness(data)
+    most = float(np.max(local_loudness(data, loud)))
+    residuals = [
+        one.residual.share * v if one.residual else 0.0
+        for one, v in zip(model.sensors, loud, strict=True)
     ]
+    low_passes = [v if one.bandwidth else 0.0 for one, v in zip(model.sensors, loud, strict=True)]
+    kinds = system.disturbance.shape[1] - sum(value > 0 for value in residuals)
+    filters = [most * unmodelled_deviation(data, model)] * kinds
+    filters += [most * float(value) for value in residuals if value]
+    filters += [float(value) for value in low_passes if value]
     offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
-    others = np.array([spread] * (FILTER_STATES * kinds) + low_passes + offsets)
+    others = np.array([*np.repeat(filters, FILTER_STATES), *offsets])
     return start_of_ride(system, model.spectrum, ride, others)
 
 
@@ -190,10 +224,13 @@ def row_variance(data: Measured, model: Model, ride: Ride) -> Array:
         if sensor.noise_density is None:
             raise DataError(f"Channel {sensor.name!r}: its noise density is not known.")
         passed = np.maximum(0.5 / interval, sensor.bandwidth or 0.0)
+        if data.limits is not None:
+            passed = np.minimum(passed, data.limits[i])
         variance[:, i] = sensor.noise_density**2 * passed + data.step[i] ** 2 / 12.0
     return variance[ride.samples, ride.sensors]
 
 
-def row_signals(data: Measured, ride: Ride) -> Array:
-    """The measured signals by row, (rows, 1)."""
-    return data.signals[ride.samples, ride.sensors][:, None]
+def row_signals(data: Measured, model: Model, ride: Ride) -> Array:
+    """The measured signals by row, without the train's own acceleration in tilted sensors, (rows, 1)."""
+    own = own_acceleration(model.sensors, moved(data, model))
+    return (data.signals - own)[ride.samples, ride.sensors][:, None]

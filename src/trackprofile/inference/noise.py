@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from trackprofile.inference.evidence import innovations_of
 from trackprofile.inference.likelihood import Progress, maximise
 from trackprofile.inference.measured import USUAL, Measured, Model
+from trackprofile.inference.passes import Pass
 from trackprofile.motion import Motion
 from trackprofile.sensor import UNITS, Installation, Sensor
 from trackprofile.spectrum import Spectrum
@@ -52,6 +53,7 @@ def find_noise(
         installation.origin,
         installation.unmodelled or 0.0,
         prior or USUAL,
+        installation.distance_scale,
     )
     unknowns = _unknowns(model, data, prior)
     if not unknowns:
@@ -59,7 +61,7 @@ def find_noise(
     piece = _informative(data)
 
     def of_piece(logarithms: Array) -> tuple[Array, Array]:
-        return innovations_of([piece], _with(model, data, prior, np.exp(logarithms)))
+        return innovations_of([Pass(piece)], _with(model, data, prior, np.exp(logarithms)))
 
     centre = np.log([unknown.centre for unknown in unknowns])
     precision = np.array([unknown.spread**-2 for unknown in unknowns])

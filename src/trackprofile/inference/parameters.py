@@ -1,51 +1,78 @@
-"""The named parameters that a calibration may fit, as functions of the model."""
+"""The named parameters that a calibration may fit: how each is read off the model, and put into it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
 from trackprofile.inference.measured import Model
-from trackprofile.sensor import UNITS
+from trackprofile.sensor import UNITS, VERTICAL_ACCELERATION, Sensor
+from trackprofile.track import ElasticTrack
 from trackprofile.vehicle import parameter_values, with_parameters
 
 Array = NDArray[np.float64]
 
-ORIGIN, UNMODELLED = "origin", "unmodelled acceleration"
+ORIGIN = "origin"
+
+MEASURED = 0.3
+"""m, standard deviation of where a sensor is said to sit, measured with a tape."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number to fit. Positive ones are fitted by their logarithm.
+    """A number of the model. Positive ones are fitted by their logarithm.
 
-    ``spread`` is the prior's standard deviation (of the logarithm where positive) about the start.
+    Parameters
+    ----------
+    spread : the prior's standard deviation (of the logarithm where positive) about the start
+    get, put : read it off a model, and give the model with another value, in ``unit``
     """
 
     name: str
     unit: str
     spread: float
+    get: Callable[[Model], float]
+    put: Callable[[Model, float], Model]
     positive: bool = True
 
 
-def mechanical_parameters(model: Model, names: Sequence[str] | None) -> list[Parameter]:
-    """Those of the vehicle and the sensors' places, of the given names or all.
+def value_of(model: Model, parameter: Parameter) -> float:
+    """The parameter's value in the model; its logarithm where it is positive."""
+    value = parameter.get(model)
+    return float(np.log(value)) if parameter.positive else float(value)
+
+
+def values_of(model: Model, parameters: Sequence[Parameter]) -> Array:
+    """Those of several, (parameters,)."""
+    return np.array([value_of(model, one) for one in parameters], dtype=np.float64)
+
+
+def changed(model: Model, parameters: Sequence[Parameter], at: Array) -> Model:
+    """The model with the parameters at those values (logarithms where positive)."""
+    values = [
+        float(np.exp(value) if one.positive else value)
+        for one, value in zip(parameters, at, strict=True)
+    ]
+    return reduce(
+        lambda made, pair: pair[0].put(made, pair[1]), zip(parameters, values, strict=True), model
+    )
+
+
+def chosen(every: Sequence[Parameter], names: Sequence[str]) -> list[Parameter]:
+    """Those of the given names.
 
     Raises
     ------
     ModelError
         Where there is none of a name.
     """
-    every = [Parameter(one.name, one.unit, 0.5) for one in model.vehicle.parameters]
-    every.append(Parameter(ORIGIN, "m", 5.0, positive=False))
-    every += [
-        Parameter(f"position of {one.name}", "m", 1.0, positive=False) for one in model.sensors
-    ]
-    if names is None:
-        return every
     known = [one.name for one in every]
     for name in names:
         if name not in known:
@@ -55,52 +82,102 @@ def mechanical_parameters(model: Model, names: Sequence[str] | None) -> list[Par
     return [one for one in every if one.name in names]
 
 
-def noise_parameters(model: Model) -> list[Parameter]:
-    """White noise and drift of each sensor, and the unmodelled acceleration where the model has any."""
-    every = []
-    for one in model.sensors:
-        unit = UNITS[one.quantity].replace("s2", "s²")
-        every.append(Parameter(f"noise of {one.name}", unit + "/√Hz", 2.0))
-        if one.drift:
-            every.append(Parameter(f"drift of {one.name}", unit + "/√s", 2.0))
-    if model.unmodelled > 0:
-        every.append(Parameter(UNMODELLED, "of the measured", 2.0))
+def vehicle_parameters(model: Model) -> list[Parameter]:
+    """Masses, inertias and suspension, as the vehicle names them."""
+
+    def one(name: str, unit: str, spread: float) -> Parameter:
+        return Parameter(
+            name, unit, spread,
+            lambda model: parameter_values(model.vehicle)[name],
+            lambda model, value: replace(model, vehicle=with_parameters(model.vehicle, {name: value})),
+        )  # fmt: skip
+
+    return [one(p.name, p.unit, p.spread) for p in model.vehicle.parameters]
+
+
+def place_parameters(model: Model) -> list[Parameter]:
+    """The train's place on the line, and the sensors' on the train."""
+    return [_field(ORIGIN, "m", 5.0, "origin", positive=False)] + [
+        _of_sensor(model, i, "position", "m", MEASURED, "position", positive=False)
+        for i in range(len(model.sensors))
+    ]
+
+
+def mounting_parameters(model: Model) -> list[Parameter]:
+    """Gain and tilt of the sensors, and the wheel that counts the distance."""
+    every = [_field("distance scale", "true per recorded", 0.01, "distance_scale")]
+    for i, sensor in enumerate(model.sensors):
+        every.append(_of_sensor(model, i, "gain", "reading per quantity", 0.05, "gain"))
+        if sensor.quantity == VERTICAL_ACCELERATION:
+            every.append(_of_sensor(model, i, "tilt", "rad", 0.05, "tilt", positive=False))
     return every
 
 
-def value_of(model: Model, parameter: Parameter) -> float:
-    """The parameter's value in the model; its logarithm where it is positive."""
-    values = {**parameter_values(model.vehicle), ORIGIN: model.origin, UNMODELLED: model.unmodelled}
-    for sensor in model.sensors:
-        values[f"position of {sensor.name}"] = sensor.position
-        values[f"noise of {sensor.name}"] = sensor.noise_density or 0.0
-        values[f"drift of {sensor.name}"] = sensor.drift or 0.0
-    value = values[parameter.name]
-    return float(np.log(value)) if parameter.positive else float(value)
+def track_parameters(model: Model) -> list[Parameter]:
+    """k_t and c_t under each wheel, where the track has them."""
+    if not isinstance(model.track, ElasticTrack):
+        return []
+    every = [_field("track stiffness", "N/m", 0.3, "track.stiffness")]
+    if model.track.damping > 0:
+        every.append(_field("track damping", "N s/m", 0.5, "track.damping"))
+    return every
 
 
-def changed(model: Model, parameters: Sequence[Parameter], at: Array) -> Model:
-    """The model with the parameters at those values (logarithms where positive)."""
-    values = {
-        one.name: float(np.exp(value) if one.positive else value)
-        for one, value in zip(parameters, at, strict=True)
-    }
-    vehicle_names = {one.name for one in model.vehicle.parameters}
-    sensors = tuple(
-        replace(
-            sensor,
-            position=values.get(f"position of {sensor.name}", sensor.position),
-            noise_density=values.get(f"noise of {sensor.name}", sensor.noise_density),
-            drift=values.get(f"drift of {sensor.name}", sensor.drift),
-        )
-        for sensor in model.sensors
-    )
-    return replace(
-        model,
-        vehicle=with_parameters(
-            model.vehicle, {name: value for name, value in values.items() if name in vehicle_names}
-        ),
-        sensors=sensors,
-        origin=values.get(ORIGIN, model.origin),
-        unmodelled=values.get(UNMODELLED, model.unmodelled),
-    )
+def prior_parameters(model: Model) -> list[Parameter]:
+    """How rough the track is."""
+    return [_field("prior level", "m² rad/m", 3.0, "spectrum.amplitude")]
+
+
+def noise_parameters(model: Model) -> list[Parameter]:
+    """White noise, drift and coloured residual of each sensor, and the unmodelled acceleration."""
+    every = []
+    for i, one in enumerate(model.sensors):
+        unit = UNITS[one.quantity].replace("s2", "s²")
+        every.append(_of_sensor(model, i, "noise", unit + "/√Hz", 2.0, "noise_density"))
+        if one.drift:
+            every.append(_of_sensor(model, i, "drift", unit + "/√s", 2.0, "drift"))
+        if one.residual:
+            every += [
+                _of_sensor(model, i, f"residual {word}", unit, spread, f"residual.{word}")
+                for word, unit, spread in (
+                    ("share", "of the signal", 2.0), ("frequency", "Hz", 0.7), ("damping", "1", 0.5),
+                )
+            ]  # fmt: skip
+    if model.unmodelled > 0:
+        every.append(_field("unmodelled acceleration", "of the measured", 2.0, "unmodelled"))
+    return every
+
+
+def _field(name: str, unit: str, spread: float, path: str, *, positive: bool = True) -> Parameter:
+    """A field of the model, or a field of a field of it."""
+    return Parameter(
+        name, unit, spread,
+        lambda model: float(attrgetter(path)(model)),
+        lambda model, value: _with(model, path.split("."), value),
+        positive,
+    )  # fmt: skip
+
+
+def _of_sensor(
+    model: Model, i: int, word: str, unit: str, spread: float, path: str, *, positive: bool = True
+) -> Parameter:
+    """A field of one sensor, or a field of a field of it."""
+
+    def put(model: Model, value: float) -> Model:
+        sensors: list[Sensor] = list(model.sensors)
+        sensors[i] = _with(sensors[i], path.split("."), value)
+        return replace(model, sensors=tuple(sensors))
+
+    return Parameter(
+        f"{word} of {model.sensors[i].name}", unit, spread,
+        lambda model: float(attrgetter(path)(model.sensors[i])),
+        put,
+        positive,
+    )  # fmt: skip
+
+
+def _with(whole: Any, path: Sequence[str], value: float) -> Any:
+    """The dataclass with a field, or a field of a field, replaced."""
+    first, *rest = path
+    inner = _with(getattr(whole, first), rest, value) if rest else value
+    return replace(whole, **{first: inner})

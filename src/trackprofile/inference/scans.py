@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.measured import Measured
+from trackprofile.inference.measured import Measured, own_acceleration
+from trackprofile.motion import along_track
 from trackprofile.search import Search
+from trackprofile.sensor import Installation
 
 Array = NDArray[np.float64]
 
@@ -38,19 +40,21 @@ class Scans:
     channels: tuple[str, ...]
 
 
-def scans_of(data: Measured, origin: float, search: Search) -> tuple[Scans, tuple[str, ...]]:
+def scans_of(
+    data: Measured, installation: Installation, search: Search
+) -> tuple[Scans, tuple[str, ...]]:
     """Every so manieth sample, so that a phase has the length that is asked for.
 
     Parameters
     ----------
-    origin : m by which the leading wheel stands ahead of the recorded distance
+    installation : of the sensors, on the vehicle
 
     Raises
     ------
     DataError
         Where samples are invalid or uneven in time, the train stands, or a window is longer than the recording.
     """
-    motion = data.motion
+    motion = along_track(data.motion, installation.origin, installation.distance_scale)
     missing = np.flatnonzero(~np.all(data.valid, axis=1))
     if missing.size:
         raise DataError(
@@ -81,9 +85,9 @@ def scans_of(data: Measured, origin: float, search: Search) -> tuple[Scans, tupl
         )
     scans = Scans(
         interval * every,
-        motion.distance[used] + origin,
+        motion.distance[used],
         motion.speed[used],
-        data.signals[used[1:]],
+        (data.signals - own_acceleration(data.sensors, motion))[used[1:]],
         used[1:],
         tuple(sensor.name for sensor in data.sensors),
     )

@@ -11,7 +11,7 @@ from trackprofile.integrate import Scheme, march
 from trackprofile.irregularity import Irregularity
 from trackprofile.simulation.coupled_kernels import LARGEST
 from trackprofile.simulation.mechanics import GRAVITY, Mechanics
-from trackprofile.track import ElasticTrack, RigidTrack
+from trackprofile.track import ElasticTrack, RigidTrack, under_wheels
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class SimpleRun:
     @staticmethod
     def of(car: Mechanics, track: RigidTrack | ElasticTrack) -> SimpleRun:
         """Free are the bodies, and on an elastic track the wheels: load = push·(r, ṙ, r̈) - weight."""
-        b, every, mass = car.bodies, len(car.mass), car.mass.copy()
+        b, every, M = car.bodies, len(car.mass), np.diag(car.mass)
         if isinstance(track, RigidTrack):
             push = -np.stack([car.K[:b, b:], car.C[:b, b:], np.zeros_like(car.K[:b, b:])])
             free = slice(0, b)
@@ -40,13 +40,12 @@ class SimpleRun:
         else:
             on_wheels = np.eye(every)[:, b:]
             free = slice(0, every)
-            K = car.K + track.stiffness * on_wheels @ on_wheels.T
-            C = car.C + track.damping * on_wheels @ on_wheels.T
-            mass[b:] += track.mass
-            push = np.multiply.outer([track.stiffness, track.damping, track.mass], on_wheels)
+            push = on_wheels @ under_wheels(track, car.offsets)
+            more = push @ on_wheels.T
+            K, C, M = car.K + more[0], car.C + more[1], M + more[2]
         size = len(K)
         return SimpleRun(
-            car, track, np.diag(mass[free]), C, K, push, car.weight[free], np.zeros((3, size))
+            car, track, M[free, free], C, K, push, car.weight[free], np.zeros((3, size))
         )
 
     @property

@@ -154,7 +154,7 @@ class SetIn:
 
 
 def felt(simulation: Simulation, vehicle: Vehicle, sensor: Sensor) -> Array:
-    """What an exact sensor at that place would read, (n,), m/s² or rad/s.
+    """What a sensor with that gain and tilt, otherwise exact, would read at that place, (n,), m/s² or rad/s.
 
     Raises
     ------
@@ -169,12 +169,12 @@ def felt(simulation: Simulation, vehicle: Vehicle, sensor: Sensor) -> Array:
             f"have; its parts are {', '.join(parts)}"
         )
     if sensor.quantity == PITCH_RATE:
-        return simulation.velocity[:, simulation.freedoms.index(wanted)]
+        return sensor.gain * simulation.velocity[:, simulation.freedoms.index(wanted)]
     if sensor.body in [wheel.name for wheel in vehicle.wheels]:
-        return simulation.acceleration[:, simulation.freedoms.index(wanted)]
+        return sensor.gain_along * simulation.acceleration[:, simulation.freedoms.index(wanted)]
     place = vehicle.body(sensor.body).position - sensor.position
     row = displacement_row(vehicle, simulation.freedoms, sensor.body, place)
-    return np.asarray(simulation.acceleration @ row, np.float64)
+    return np.asarray(sensor.gain_along * (simulation.acceleration @ row), np.float64)
 
 
 @dataclass(frozen=True)

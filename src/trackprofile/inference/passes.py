@@ -1,0 +1,149 @@
+"""The recordings that a calibration learns from, each with the profile under it where that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from trackprofile.errors import DataError
+from trackprofile.inference.known import KnownProfile
+from trackprofile.inference.measured import Measured, measured
+from trackprofile.motion import Motion
+from trackprofile.sensor import Installation
+from trackprofile.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+STRETCH = 500.0
+"""m into which long recordings are cut."""
+
+ENOUGH = 2500.0
+"""m of stretches without a known profile, beyond which more tell little more."""
+
+SLOWEST = 3.0
+"""m/s: below, accelerations drown in the drift of any sensor."""
+
+
+@dataclass(frozen=True)
+class Pass:
+    """What was measured, the profile under it (None where that is unknown), and which recording it is of."""
+
+    data: Measured
+    known: KnownProfile | None = None
+    number: int = 1
+
+    @property
+    def length(self) -> float:
+        """m that were run."""
+        return float(np.ptp(self.data.motion.distance))
+
+
+def passes_of(
+    recordings: Sequence[xr.Dataset],
+    reference: xr.Dataset | None,
+    vehicle: Vehicle,
+    installation: Installation,
+) -> tuple[list[Pass], list[str]]:
+    """Each recording with the reference where it covers it, and sentences on those that it does not.
+
+    Raises
+    ------
+    DataError
+        Where the recordings have other sensors than the first, or the reference covers none of them.
+    """
+    data = [measured(one, installation) for one in recordings]
+    for i, one in enumerate(data[1:], start=2):
+        _expect_same_sensors(data[0], one, i)
+    if reference is None:
+        return [Pass(one, number=i) for i, one in enumerate(data, start=1)], []
+    known, passes, notes = KnownProfile.of(reference), [], []
+    for i, one in enumerate(data, start=1):
+        try:
+            passes.append(Pass(known.covered(one, vehicle, installation.origin), known, i))
+        except DataError as error:
+            if len(data) == 1:
+                raise
+            passes.append(Pass(one, number=i))
+            notes.append(f"recording {i} is used without the reference: {error}")
+    if all(one.known is None for one in passes):
+        raise DataError(
+            f"The reference covers none of the {len(data)} recordings; leave it out, or choose another. {notes[0]}"
+        )
+    return passes, notes
+
+
+def _expect_same_sensors(first: Measured, other: Measured, number: int) -> None:
+    names, others = ([one.name for one in each.sensors] for each in (first, other))
+    if names != others:
+        raise DataError(
+            f"Recording {number} has the channels {', '.join(others)}, the first {', '.join(names)}: recordings "
+            "that are calibrated together come from the same sensors; calibrate them apart."
+        )
+
+
+def informative(passes: Sequence[Pass], most: float = ENOUGH) -> tuple[list[Pass], list[str]]:
+    """Those with a known profile, and of the others the stretches that tell most, and a sentence if any is left out.
+
+    A stretch tells by its waves and its speed: of each quarter of the speeds the loudest stretches are taken in turn.
+    """
+    fixed = [one for one in passes if one.known]
+    others = [one for one in passes if one.known is None]
+    total = sum(one.length for one in others)
+    if total <= most:
+        return [*fixed, *others], []
+    pieces = [piece for one in others for piece in _stretches(one) if _speed(piece) > SLOWEST]
+    pieces.sort(key=_speed)
+    quarters = [sorted(part, key=_loudness) for part in _split(pieces, 4)]
+    chosen: list[Pass] = []
+    while sum(one.length for one in chosen) < most - STRETCH / 2 and any(quarters):
+        chosen += [part.pop() for part in quarters if part]
+    note = f"{sum(one.length for one in chosen):.0f} m of {total:.0f} m were used: those that tell most"
+    return [*fixed, *chosen], [note]
+
+
+def short(passes: Sequence[Pass], most: float) -> list[Pass]:
+    """A piece of each pass, together ``most`` m: enough to come near the maximum fast."""
+    share = most / sum(one.length for one in passes)
+    if share >= 0.7:
+        return list(passes)
+    return [_middle(one, share * one.length) for one in passes]
+
+
+def _middle(one: Pass, length: float) -> Pass:
+    at = one.data.motion.distance
+    centre = 0.5 * (at[0] + at[-1])
+    return _between(one, centre - 0.5 * length, centre + 0.5 * length)
+
+
+def _stretches(one: Pass) -> list[Pass]:
+    at = one.data.motion.distance
+    edges = np.arange(at[0], at[-1] - 0.5 * STRETCH, STRETCH)
+    return [_between(one, a, a + STRETCH) for a in edges]
+
+
+def _between(one: Pass, begin: float, end: float) -> Pass:
+    data = one.data
+    rows = slice(*np.searchsorted(data.motion.distance, [begin, end]))
+    m = data.motion
+    part = Motion(m.time[rows], m.distance[rows], m.speed[rows], m.acceleration[rows])
+    return replace(
+        one, data=replace(data, motion=part, signals=data.signals[rows], valid=data.valid[rows])
+    )
+
+
+def _speed(one: Pass) -> float:
+    return float(np.median(one.data.motion.speed))
+
+
+def _loudness(one: Pass) -> float:
+    return float(np.sum(np.std(one.data.signals, axis=0)))
+
+
+def _split(pieces: list[Pass], count: int) -> list[list[Pass]]:
+    edges = [round(i * len(pieces) / count) for i in range(count + 1)]
+    return [pieces[a:b] for a, b in pairwise(edges)]

@@ -1,0 +1,197 @@
+"""The band of frequencies in which the track explains the signals; signals cut to it, and thinned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.signal import fftconvolve, kaiserord, welch
+
+from trackprofile.inference.measured import Measured, Model, moved
+from trackprofile.motion import Motion
+from trackprofile.receptance import FITTED_UP_TO
+from trackprofile.sensor import Sensor
+from trackprofile.spectrum import Spectrum, scaled
+from trackprofile.statespace import state_space, transfer_function
+
+Array = NDArray[np.float64]
+
+SAMPLES_PER_PERIOD = 2.5
+"""Kept of the fastest wave that is left."""
+
+RIPPLE = 60.0
+"""dB by which the cut leaves less than this of what is above, and changes what is below by less."""
+
+INSIDE = 0.99
+"""Weight of valid samples in a kept one."""
+
+SEGMENT = 10.0
+"""s of a periodogram: two waves of the slowest bounce of a body, several times over."""
+
+SPEEDS = 12
+"""Speeds that stand for a recording's."""
+
+MOVING = 3.0
+"""m/s: what is slower says nothing of the band."""
+
+
+@dataclass(frozen=True)
+class Explained:
+    """What the track explains of one sensor's signal.
+
+    Parameters
+    ----------
+    frequency : (m,), Hz
+    measured : (m,), one-sided density of the signal, unit²/Hz
+    track : (m,), of what the profile makes of it through the vehicle
+    noise : white, unit²/Hz
+    """
+
+    frequency: Array
+    measured: Array
+    track: Array
+    noise: Array
+
+    @property
+    def highest(self) -> float:
+        """Hz, up to which the track stands above the noise; at most what the point track holds for."""
+        above = self.frequency[self.track > self.noise]
+        return float(min(above[-1], FITTED_UP_TO)) if above.size else 0.0
+
+
+def explained(data: Sequence[Measured], model: Model) -> tuple[list[Explained], Spectrum]:
+    """For each sensor what a profile of the model's spectrum explains, and the spectrum at the level that fits.
+
+    The level a, one for all sensors, and the white noises w maximise Whittle's likelihood of the periodograms P,
+    -Σ log(a G + w) + P / (a G + w), with G(f) = |H(Ω)|² S(Ω) 2π/v at Ω = 2πf/v, averaged over the speeds v.
+    """
+    spectra = [_spectra(data, model, i) for i in range(len(model.sensors))]
+    start = [np.log(np.sum(P[1:]) / np.sum(G[1:])) for _, P, G in spectra]
+    noise = [np.log(0.1 * np.median(P[1:])) for _, P, _ in spectra]
+
+    passed = [_passed(one, f) for one, (f, _, _) in zip(model.sensors, spectra, strict=True)]
+
+    def improbability(at: Array) -> float:
+        total = 0.0
+        for (f, P, G), L, logarithm in zip(spectra, passed, at[1:], strict=True):
+            S = np.exp(at[0]) * G[1:] + np.exp(logarithm) * L[1:]
+            total += float(np.sum((np.log(S) + P[1:] / S) / f[1:]))
+        return total
+
+    found = minimize(improbability, [float(np.median(start)), *noise], method="Nelder-Mead",
+                     options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 4000}).x  # fmt: skip
+    level = float(np.exp(found[0]))
+    parts = [
+        Explained(f, P, level * G, float(np.exp(w)) * L)
+        for (f, P, G), L, w in zip(spectra, passed, found[1:], strict=True)
+    ]
+    return parts, scaled(model.spectrum, level)
+
+
+def _passed(sensor: Sensor, frequency: Array) -> Array:
+    """What of a noise's density its sensor's own filter passes."""
+    if sensor.bandwidth is None:
+        return np.ones(len(frequency))
+    return 1 / (1 + (frequency / sensor.bandwidth) ** 4)
+
+
+def _spectra(data: Sequence[Measured], model: Model, i: int) -> tuple[Array, Array, Array]:
+    """Frequencies, periodogram and what a profile of the model's spectrum would make of one sensor's signal."""
+    interval = min(float(np.median(np.diff(one.motion.time))) for one in data)
+    count = max(16, round(SEGMENT / interval))
+    total, seconds, speeds = np.zeros(count // 2 + 1), 0.0, []
+    f = np.asarray(np.fft.rfftfreq(count, interval), np.float64)
+    for one in data:
+        time, signal, weight = _even(one, i, interval)
+        going = np.interp(time, one.motion.time, moved(one, model).speed)
+        good = (weight > INSIDE) & (going > MOVING)
+        for piece in _pieces(good, count):
+            _, P = welch(signal[piece], 1 / interval, "hann", count, detrend="linear")
+            total += P * (piece.stop - piece.start)
+            seconds += piece.stop - piece.start
+            speeds.append(going[piece])
+    if not speeds:
+        return f, np.ones(len(f)), np.ones(len(f))
+    system = state_space(model.vehicle, model.track, model.sensors)
+    quantiles = np.quantile(np.concatenate(speeds), (np.arange(SPEEDS) + 0.5) / SPEEDS)
+    made = np.zeros(len(f))
+    for speed in quantiles:
+        Ω = 2 * np.pi * f[1:] / speed
+        H = transfer_function(system, Ω, float(speed))[:, i]
+        made[1:] += np.abs(H) ** 2 * model.spectrum.density(Ω) * 2 * np.pi / speed / SPEEDS
+    return f, total / seconds, made
+
+
+def _pieces(good: NDArray[np.bool_], least: int) -> list[slice]:
+    """Runs of good samples of at least that length."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    return [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a >= least]
+
+
+def _even(data: Measured, i: int, interval: float) -> tuple[Array, Array, Array]:
+    """Even times, one signal at them, 0 where it is invalid, and how valid it is there, 0 to 1."""
+    time = data.motion.time
+    even = np.arange(time[0], time[-1], interval)
+    valid = data.valid[:, i].astype(np.float64)
+    return even, np.interp(even, time, data.signals[:, i] * valid), np.interp(even, time, valid)
+
+
+def limited(data: Measured, highest: Sequence[float]) -> Measured:
+    """The signals without what lies above some frequency each, at as many samples as that takes.
+
+    Parameters
+    ----------
+    highest : (sensors,), Hz
+    """
+    time = data.motion.time
+    interval = float(np.median(np.diff(time)))
+    signals, valid = data.signals.copy(), data.valid.copy()
+    step, limits = data.step.copy(), np.full(len(highest), np.inf)
+    kept = np.zeros(len(time), bool)
+    for i, frequency in enumerate(highest):
+        apart = 1 / (SAMPLES_PER_PERIOD * frequency)
+        if apart < 1.5 * interval:
+            kept |= valid[:, i]
+            continue
+        signals[:, i], clean = _cut(data, i, interval, frequency)
+        chosen = np.zeros(len(time), bool)
+        chosen[_apart(time, apart)] = True
+        valid[:, i] = clean & chosen & valid[:, i]
+        limits[i] = 1.25 * frequency
+        step[i] *= np.sqrt(interval / apart)
+        kept |= chosen
+    m = data.motion
+    motion = Motion(m.time[kept], m.distance[kept], m.speed[kept], m.acceleration[kept])
+    return replace(
+        data, motion=motion, signals=signals[kept], valid=valid[kept], step=step, limits=limits
+    )
+
+
+def _apart(time: Array, least: float) -> NDArray[np.intp]:
+    """Indices of samples at least about that long apart."""
+    return np.unique(np.searchsorted(time, np.arange(time[0], time[-1], least) - 1e-9))
+
+
+def _cut(
+    data: Measured, i: int, interval: float, highest: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """A signal through a linear-phase low-pass, and where no invalid sample has a part in it."""
+    even, signal, weight = _even(data, i, interval)
+    nyquist = 0.5 / interval
+    taps, beta = kaiserord(RIPPLE, 0.25 * highest / nyquist)
+    kernel = _sinc(taps | 1, beta, 1.125 * highest / nyquist)
+    mean = np.sum(signal) / max(np.sum(weight), 1.0)
+    share = fftconvolve(weight, kernel, mode="same")
+    through = fftconvolve(signal - mean * weight, kernel, mode="same") + mean
+    time = data.motion.time
+    return np.interp(time, even, through), np.interp(time, even, share) > INSIDE
+
+
+def _sinc(taps: int, beta: float, cut: float) -> Array:
+    """A low-pass of unit sum that cuts at a share of the Nyquist frequency, windowed by Kaiser."""
+    at = np.arange(taps) - taps // 2
+    kernel = np.sinc(cut * at) * np.kaiser(taps, beta)
+    return kernel / np.sum(kernel)
