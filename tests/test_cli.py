@@ -105,7 +105,6 @@ def test_the_version_is_that_of_the_package(run: Run) -> None:
         ("infer", "recording.toml"),
         ("infer", "recording.toml", "-o", "profile.nc", "--method", "magic"),
         ("infer", "recording.toml", "-o", "profile.nc", "--from", "here"),
-        ("calibrate", "recording.toml", "--vehicle", "velaro", "-o", "vehicle.toml"),
         ("limit", "--vehicle", "velaro", "--sensors", "bogie-25ug"),
         ("compare", "profile.nc"),
     ],

@@ -175,8 +175,10 @@ def test_a_profile_carries_its_uncertainty_and_flags() -> None:
     assert profile["standard_deviation_D1"].attrs["units"] == "m"
     assert profile["quality"].dtype == np.int8
     np.testing.assert_array_equal(profile["quality"], flags)
-    assert profile["quality"].attrs["flag_meanings"] == "gap uncertain edge slow unconverged"
-    np.testing.assert_array_equal(profile["quality"].attrs["flag_masks"], [1, 2, 4, 8, 16])
+    assert profile["quality"].attrs["flag_meanings"] == (
+        "gap uncertain edge slow unconverged saturated unexplained"
+    )
+    np.testing.assert_array_equal(profile["quality"].attrs["flag_masks"], 2 ** np.arange(7))
 
 
 def test_an_elevation_may_be_missing_in_a_gap_only() -> None:

@@ -279,8 +279,8 @@ def test_a_profile_that_cannot_be_used_is_refused(
 
 
 def test_a_quality_that_is_no_flag_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "level.csv").write_text("distance_m,elevation_m,quality\n0,0,0\n1,0,16\n")
-    said = "column 'quality', data row 2: expected a sum of flags, 0 to 15, found 16"
+    (tmp_path / "level.csv").write_text("distance_m,elevation_m,quality\n0,0,0\n1,0,128\n")
+    said = "column 'quality', data row 2: expected a sum of flags, 0 to 127, found 128"
     assert said in refused(tmp_path / "level.csv")
 
 

@@ -39,6 +39,10 @@ class Quality(IntFlag):
     """The train was slow or stood."""
     UNCONVERGED = 16
     """The search for the elevation did not end."""
+    SATURATED = 32
+    """A sensor was at the end of its range."""
+    UNEXPLAINED = 64
+    """The model does not explain what was recorded here."""
 
 
 def build_profile(

@@ -30,17 +30,16 @@ from trackprofile.inference.measured import (
 from trackprofile.inference.parameters import (
     ORIGIN,
     Parameter,
+    calibrated_parameters,
     chosen,
-    mounting_parameters,
     place_parameters,
-    track_parameters,
     value_of,
     vehicle_parameters,
 )
 from trackprofile.inference.passes import Pass, informative, passes_of
 from trackprofile.inference.usable import Explained, explained, limited
 from trackprofile.receptance import point_track
-from trackprofile.sensor import Installation, Sensor
+from trackprofile.sensor import Installation, Sensor, Uncertainty
 from trackprofile.spectrum import Spectrum
 from trackprofile.track import PointTrack, RigidTrack, Track
 from trackprofile.vehicle import Vehicle
@@ -208,7 +207,7 @@ def _to_fit(start: Model, names: Sequence[str] | None, *, with_origin: bool) -> 
         usual = [one for one in usual if one.name != ORIGIN]
     if names is None:
         return usual
-    return chosen(usual + mounting_parameters(start) + track_parameters(start), names)
+    return chosen(calibrated_parameters(start), names)
 
 
 def _rows_within(length: float, passes: Sequence[Pass]) -> int:
@@ -315,6 +314,9 @@ def _calibration(
     fitted = replace(
         installation, origin=model.origin, sensors=model.sensors, unmodelled=model.unmodelled,
         distance_scale=model.distance_scale,
+        uncertainty=Uncertainty(
+            tuple(one.name for one in fit.free), tuple(map(tuple, covariance.tolist()))
+        ),
     )  # fmt: skip
     return Calibration(
         model.vehicle, fitted, tuple(estimates), covariance / np.outer(errors, errors),

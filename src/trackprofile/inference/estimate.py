@@ -28,6 +28,7 @@ from trackprofile.inference.measured import (
 )
 from trackprofile.inference.noise import find_noise
 from trackprofile.inference.ride import Ride
+from trackprofile.inference.sensitivity import by_the_vehicle
 from trackprofile.inference.smoother import knot_variance, prior_draws, smooth
 from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
@@ -81,6 +82,7 @@ def infer(
     draws: int = 64,
     seed: int = 0,
     correct: bool = False,
+    load: bool = False,
     progress: Progress | None = None,
 ) -> xr.Dataset:
     """The track's longitudinal profile from what a vehicle's sensors recorded.
@@ -100,6 +102,7 @@ def infer(
     seed : of the draws
     correct : take off what the full model of a layered track makes of the profile beyond the point track that
         stands for it; once, for the waves of a sleeper bay would grow with each repetition
+    load : find what the first body weighs on the day, about what the vehicle states
     progress : told the stage and its share done
 
     Returns
@@ -115,7 +118,7 @@ def infer(
     """
     return estimate(
         recording, vehicle, installation=installation, track=track, prior=prior, draws=draws,
-        seed=seed, correct=correct, progress=progress,
+        seed=seed, correct=correct, load=load, progress=progress,
     ).profile  # fmt: skip
 
 
@@ -129,25 +132,34 @@ def estimate(
     draws: int = 64,
     seed: int = 0,
     correct: bool = False,
+    load: bool = False,
     progress: Progress | None = None,
 ) -> Estimate:
     """As :func:`infer`, with the reproduced signals and what was found on the way."""
     installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
     data = measured(recording, installation)
-    found, notes = find_noise(data, vehicle, point_track(track), installation, prior, progress)
+    found, notes = find_noise(
+        data, vehicle, point_track(track), installation, prior, progress, load=load
+    )
     system, ride = ride_of(data, found)
     progress("smoothing", 0.2)
     prepared = prepared_filter(data, found, ride, start_of(data, found, system, ride))
     progress("smoothing", 0.5)
-    profiles, simulated = prior_draws(prepared, draws, np.random.default_rng(seed))
+    generator = np.random.default_rng(seed)
+    profiles, simulated = prior_draws(prepared, draws, generator)
     together = np.concatenate([row_signals(data, found, ride), simulated], axis=1)
     smoothed = smooth(prepared, together)
     progress("smoothing", 0.8)
-    errors = profiles - smoothed.elevation[:, 1:]
-    spread = np.sqrt(np.maximum(knot_variance(prepared), 0.0))
     place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
     elevation = smoothed.elevation[:, 0]
+    slopes = by_the_vehicle(data, found, installation, place, elevation, progress)
+    errors = (
+        profiles
+        - smoothed.elevation[:, 1:]
+        + slopes @ generator.standard_normal((slopes.shape[1], draws))
+    )
+    spread = np.sqrt(np.maximum(knot_variance(prepared), 0.0) + np.sum(slopes**2, axis=1))
     if correct:
         beyond = beyond_reduced(data, found, track, place, elevation)
         rows = beyond[ride.samples, ride.sensors][:, None]
@@ -167,6 +179,8 @@ def estimate(
         vehicle=vehicle.name,
     )
     notes = (*notes, *_reduction(track, found.track, correct))
+    if slopes.size:
+        notes += ("the uncertainty of the calibrated vehicle is in that of the profile",)
     step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {seed}; bands: {FILTER_NAME}"
     profile = with_provenance(profile, "; ".join([step, *notes]))
     progress("smoothing", 1.0)

@@ -1,8 +1,8 @@
-"""Noise and prior level that nobody stated, found by maximising the likelihood, and said."""
+"""Noise, prior level and load that nobody stated, found by maximising the likelihood, and said."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,17 @@ from numpy.typing import NDArray
 from trackprofile.inference.evidence import innovations_of
 from trackprofile.inference.likelihood import Progress, maximise
 from trackprofile.inference.measured import USUAL, Measured, Model
+from trackprofile.inference.parameters import (
+    Parameter,
+    changed,
+    load_parameter,
+    prior_parameters,
+    values_of,
+    white_noise_parameters,
+)
 from trackprofile.inference.passes import Pass
 from trackprofile.motion import Motion
-from trackprofile.sensor import UNITS, Installation, Sensor
+from trackprofile.sensor import Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.track import PointTrack
 from trackprofile.vehicle import Vehicle
@@ -23,16 +31,6 @@ LONGEST_STRETCH = 1500.0
 """m of the recording that are enough to find a noise level."""
 
 
-@dataclass(frozen=True)
-class Unknown:
-    """A positive number to find: its logarithm is normal about ``centre`` with ``spread``."""
-
-    name: str
-    unit: str
-    centre: float
-    spread: float
-
-
 def find_noise(
     data: Measured,
     vehicle: Vehicle,
@@ -40,11 +38,13 @@ def find_noise(
     installation: Installation,
     prior: Spectrum | None,
     progress: Progress,
+    *,
+    load: bool = False,
 ) -> tuple[Model, tuple[str, ...]]:
     """The model with every noise density and the prior filled in, and sentences that say how.
 
-    What is stated is kept. Unknown are the prior's amplitude where no prior is given, and the noise of sensors
-    that do not state theirs.
+    What is stated is kept. Unknown are the prior's amplitude where no prior is given, the noise of sensors
+    that do not state theirs, and the load where it is asked for.
     """
     model = Model(
         vehicle,
@@ -55,25 +55,24 @@ def find_noise(
         prior or USUAL,
         installation.distance_scale,
     )
-    unknowns = _unknowns(model, data, prior)
+    unknowns = _unknowns(model, data, prior, load=load)
     if not unknowns:
         return model, _assumed(model)
     piece = _informative(data)
 
-    def of_piece(logarithms: Array) -> tuple[Array, Array]:
-        return innovations_of([Pass(piece)], _with(model, data, prior, np.exp(logarithms)))
+    def of_piece(at: Array) -> tuple[Array, Array]:
+        return innovations_of([Pass(piece)], changed(model, unknowns, at))
 
-    centre = np.log([unknown.centre for unknown in unknowns])
-    precision = np.array([unknown.spread**-2 for unknown in unknowns])
+    centre = values_of(model, unknowns)
+    precision = np.array([one.spread**-2 for one in unknowns])
     found = maximise(
         of_piece, centre, centre, precision, lambda share: progress("finding the noise", share)
     )
-    values = np.exp(found.parameters)
+    complete = changed(model, unknowns, found.parameters)
     said = [
-        f"{unknown.name} found by maximum likelihood: {value:.3g} {unknown.unit}"
-        for unknown, value in zip(unknowns, values, strict=True)
+        f"{one.name} found by maximum likelihood: {one.get(complete):.3g} {one.unit}"
+        for one in unknowns
     ]
-    complete = _with(model, data, prior, values)
     return complete, (*said, *_assumed(complete))
 
 
@@ -94,28 +93,16 @@ def _started(data: Measured) -> tuple[Sensor, ...]:
     return tuple(sensors)
 
 
-def _unknowns(model: Model, data: Measured, prior: Spectrum | None) -> list[Unknown]:
-    unknowns = []
-    if prior is None:
-        unknowns.append(Unknown("prior amplitude", "m² rad/m", USUAL.amplitude, 3.0))
-    for stated, started in zip(data.sensors, model.sensors, strict=True):
-        if stated.noise_density is None and started.noise_density is not None:
-            unit = UNITS[stated.quantity].replace("m/s2", "m/s²") + "/√Hz"
-            unknowns.append(Unknown(f"noise of {stated.name!r}", unit, started.noise_density, 2.0))
-    return unknowns
-
-
-def _with(model: Model, data: Measured, prior: Spectrum | None, values: Array) -> Model:
-    """The model with its unknowns replaced, in the order of :func:`_unknowns`."""
-    remaining = iter(float(value) for value in values)
-    spectrum = model.spectrum
-    if prior is None:
-        spectrum = replace(spectrum, amplitude=next(remaining))
-    sensors = tuple(
-        replace(started, noise_density=next(remaining)) if stated.noise_density is None else started
-        for stated, started in zip(data.sensors, model.sensors, strict=True)
-    )
-    return replace(model, spectrum=spectrum, sensors=sensors)
+def _unknowns(
+    model: Model, data: Measured, prior: Spectrum | None, *, load: bool
+) -> list[Parameter]:
+    level = [replace(one, name="prior amplitude") for one in prior_parameters(model)]
+    noise = [
+        replace(one, name=f"noise of {sensor.name!r}")
+        for one, sensor in zip(white_noise_parameters(model), data.sensors, strict=True)
+        if sensor.noise_density is None
+    ]
+    return [*(level if prior is None else []), *noise, *([load_parameter(model)] if load else [])]
 
 
 def _informative(data: Measured) -> Measured:

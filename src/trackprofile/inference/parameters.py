@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 ORIGIN = "origin"
 
+LOADED = 0.15
+"""Standard deviation of the logarithm of a body's mass from day to day: from empty to crush-loaded is 40 %."""
+
 MEASURED = 0.3
 """m, standard deviation of where a sensor is said to sit, measured with a tape."""
 
@@ -123,17 +126,53 @@ def track_parameters(model: Model) -> list[Parameter]:
     return every
 
 
+def calibrated_parameters(model: Model) -> list[Parameter]:
+    """All that a calibration may fit, beside the noise."""
+    return (
+        vehicle_parameters(model)
+        + place_parameters(model)
+        + mounting_parameters(model)
+        + track_parameters(model)
+    )
+
+
 def prior_parameters(model: Model) -> list[Parameter]:
     """How rough the track is."""
     return [_field("prior level", "m² rad/m", 3.0, "spectrum.amplitude")]
 
 
+def load_parameter(model: Model) -> Parameter:
+    """What the first body weighs on the day, of what it weighs in the model; its inertia goes with it."""
+    empty = model.vehicle.bodies[0]
+
+    def put(model: Model, share: float) -> Model:
+        inertia = None if empty.pitch_inertia is None else share * empty.pitch_inertia
+        loaded = replace(empty, mass=share * empty.mass, pitch_inertia=inertia)
+        bodies = (loaded, *model.vehicle.bodies[1:])
+        return replace(model, vehicle=replace(model.vehicle, bodies=bodies))
+
+    return Parameter(
+        "load", f"of the {empty.name}'s mass", LOADED,
+        lambda model: model.vehicle.bodies[0].mass / empty.mass, put,
+    )  # fmt: skip
+
+
+def white_noise_parameters(model: Model) -> list[Parameter]:
+    """The white noise of each sensor."""
+    return [
+        _of_sensor(model, i, "noise", _unit(one) + "/√Hz", 2.0, "noise_density")
+        for i, one in enumerate(model.sensors)
+    ]
+
+
 def noise_parameters(model: Model) -> list[Parameter]:
     """White noise, drift and coloured residual of each sensor, and the unmodelled acceleration."""
     every = []
-    for i, one in enumerate(model.sensors):
-        unit = UNITS[one.quantity].replace("s2", "s²")
-        every.append(_of_sensor(model, i, "noise", unit + "/√Hz", 2.0, "noise_density"))
+    for i, (one, white) in enumerate(
+        zip(model.sensors, white_noise_parameters(model), strict=True)
+    ):
+        unit = _unit(one)
+        every.append(white)
         if one.drift:
             every.append(_of_sensor(model, i, "drift", unit + "/√s", 2.0, "drift"))
         if one.residual:
@@ -146,6 +185,10 @@ def noise_parameters(model: Model) -> list[Parameter]:
     if model.unmodelled > 0:
         every.append(_field("unmodelled acceleration", "of the measured", 2.0, "unmodelled"))
     return every
+
+
+def _unit(sensor: Sensor) -> str:
+    return UNITS[sensor.quantity].replace("s2", "s²")
 
 
 def _field(name: str, unit: str, spread: float, path: str, *, positive: bool = True) -> Parameter:

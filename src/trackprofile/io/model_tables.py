@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, NonNegativeFloat, PlainValidator, PositiveFloat
+from pydantic import (
+    BaseModel,
+    Field,
+    NonNegativeFloat,
+    PlainValidator,
+    PositiveFloat,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from trackprofile import instrument, sensor, track
@@ -45,6 +53,7 @@ class Quantity(Strict):
 
 
 class Parameter(Quantity, Sourced):
+    spread: PositiveFloat = 0.5
     standard_error: NonNegativeFloat | None = None
 
 
@@ -115,10 +124,53 @@ class Instrument(Sensor):
         )
 
 
+class Residual(Strict):
+    share: NonNegativeFloat
+    frequency: PositiveFloat
+    damping: PositiveFloat = 0.5
+
+
+class Installed(Sensor):
+    gain: float = 1.0
+    tilt_rad: float = 0.0
+    residual: Residual | None = None
+
+    def installed(self) -> sensor.Sensor:
+        """As a calibration found it on the vehicle."""
+        left = None if self.residual is None else sensor.Residual(**self.residual.model_dump())
+        return replace(self.si(), gain=self.gain, tilt=self.tilt_rad, residual=left)
+
+
+class Uncertainty(Strict):
+    names: list[str]
+    covariance: list[list[float]]
+
+    @model_validator(mode="after")
+    def square(self) -> Uncertainty:
+        size = len(self.names)
+        if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
+            raise PydanticCustomError("square", "expected a row and a column for each of the names")
+        return self
+
+    def si(self) -> sensor.Uncertainty:
+        return sensor.Uncertainty(tuple(self.names), tuple(map(tuple, self.covariance)))
+
+
 class Installation(Strict):
     origin: float = 0.0
     unmodelled: NonNegativeFloat | None = None
-    sensor: list[Sensor] = Field(default_factory=list)
+    distance_scale: PositiveFloat = 1.0
+    sensor: list[Installed] = Field(default_factory=list)
+    uncertainty: Uncertainty | None = None
+
+    def si(self) -> sensor.Installation:
+        return sensor.Installation(
+            self.origin,
+            tuple(one.installed() for one in self.sensor),
+            self.unmodelled,
+            self.distance_scale,
+            None if self.uncertainty is None else self.uncertainty.si(),
+        )
 
 
 class Vehicle(Sourced):

@@ -101,7 +101,7 @@ def read_vehicle(name_or_path: str | Path) -> tuple[Vehicle, Installation]:
     path = _find(name_or_path, "vehicle")
     read = load(path, tables.Vehicle)
     with _located(path):
-        return _vehicle(read), _installation(read.installation)
+        return _vehicle(read), read.installation.si()
 
 
 def write_vehicle(
@@ -335,11 +335,8 @@ def _shared(name: str, parameter: tables.Parameter, parts: Sequence[_Part]) -> P
     used_by = [(part.name, field) for part in parts for field, used in _named(part) if used == name]
     if not used_by:
         raise ModelError(f"nothing uses the parameter {name!r}; name it in a part, or remove it")
-    return Parameter(name, si_unit(_DIMENSIONS[used_by[0][1]]), tuple(used_by), parameter.said)
-
-
-def _installation(read: tables.Installation) -> Installation:
-    return Installation(read.origin, tuple(one.si() for one in read.sensor), read.unmodelled)
+    unit = si_unit(_DIMENSIONS[used_by[0][1]])
+    return Parameter(name, unit, tuple(used_by), parameter.said, parameter.spread)
 
 
 def _vehicle_table(
@@ -352,6 +349,7 @@ def _vehicle_table(
             "value": values[one.name],
             "unit": si_unit(_DIMENSIONS[one.used_by[0][1]]),
             "source": "calibrated" if one.name in fitted else one.source or None,
+            "spread": one.spread,
             "standard_error": fitted.get(one.name, {}).get("standard_error"),
         }
         for one in vehicle.parameters
@@ -371,11 +369,9 @@ def _vehicle_table(
 
 
 def _installation_table(installation: Installation) -> dict[str, object]:
-    return {
-        "origin": installation.origin,
-        "unmodelled": installation.unmodelled,
-        "sensor": [
-            {"unit": si_unit(QUANTITIES[one.quantity][1])} | asdict(one)
-            for one in installation.sensors
-        ],
-    }
+    fields = asdict(installation)
+    fields["sensor"] = [
+        {"unit": si_unit(QUANTITIES[one["quantity"]][1]), "tilt_rad": one.pop("tilt")} | one
+        for one in fields.pop("sensors")
+    ]
+    return fields

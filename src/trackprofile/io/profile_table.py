@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from trackprofile.contracts import build_profile
+from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import SUFFIXES as SUFFIXES
@@ -62,10 +62,11 @@ def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
 
 
 def _flags(values: np.ndarray) -> np.ndarray:
-    wrong = ~np.isin(values, np.arange(16))
+    most = 2 * max(Quality) - 1
+    wrong = ~np.isin(values, np.arange(most + 1))
     if wrong.any():
         row = int(np.argmax(wrong))
         raise RowError(
-            "quality", row + 1, f"expected a sum of flags, 0 to 15, found {values[row]:g}."
+            "quality", row + 1, f"expected a sum of flags, 0 to {most}, found {values[row]:g}."
         )
     return values.astype(np.int8)

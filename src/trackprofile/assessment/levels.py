@@ -1,0 +1,233 @@
+"""The level in each band, how well it is known, and where it is not to be judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntFlag
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from trackprofile.assessment.errors_in_band import Colour, colour_of
+from trackprofile.bands import (
+    Band,
+    band_pass_pieces,
+    edge_distance,
+    obstacle,
+    resample,
+    runs,
+)
+from trackprofile.contracts import Quality
+from trackprofile.errors import DataError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Reason(IntFlag):
+    """Why a place is not assessed in a band; 0 is assessed."""
+
+    GAP = 1
+    """Nothing is known there."""
+    TOO_SHORT = 2
+    """The piece between gaps is shorter than the band's longest wave."""
+    EDGE = 4
+    """So near to an end or gap that the band rests on what lies beyond."""
+    UNCERTAIN = 8
+    """The data say hardly more than what was known before."""
+    SLOW = 16
+    """The train was slow or stood."""
+    UNCONVERGED = 32
+    """The search for the elevation did not end."""
+    SATURATED = 64
+    """A sensor was at the end of its range."""
+    UNEXPLAINED = 128
+    """The model does not explain what was recorded."""
+
+    @property
+    def words(self) -> str:
+        """Such as ``edge, slow``."""
+        return ", ".join(str(one.name).lower().replace("_", " ") for one in Reason if one & self)
+
+
+# A flaw of unknown size spoils a band as far as whatever lies beyond an end does.
+_SPREADING = {
+    Quality.UNCONVERGED: Reason.UNCONVERGED,
+    Quality.SATURATED: Reason.SATURATED,
+    Quality.UNEXPLAINED: Reason.UNEXPLAINED,
+}
+_IN_PLACE = {
+    Quality.UNCERTAIN: Reason.UNCERTAIN,
+    Quality.EDGE: Reason.EDGE,
+    Quality.SLOW: Reason.SLOW,
+}
+
+
+@dataclass(frozen=True)
+class BandLevel:
+    """A profile in one band, on an even grid.
+
+    Parameters
+    ----------
+    band : the band
+    distance : evenly spaced (n) [m]
+    level : of the estimate (n) [m]; NaN where the band is not carried
+    deviation : standard deviation of its error (n) [m]; 0 where the profile states none
+    reasons : sums of `Reason` (n)
+    colour : of the error
+    stated : whether the profile states the band's standard deviation
+    """
+
+    band: Band
+    distance: Array
+    level: Array
+    deviation: Array
+    reasons: NDArray[np.int16]
+    colour: Colour
+    stated: bool
+
+    @property
+    def spacing(self) -> float:
+        """Of the grid [m]."""
+        return float((self.distance[-1] - self.distance[0]) / (self.distance.size - 1))
+
+    @property
+    def assessed(self) -> Mask:
+        """Where it may be judged (n)."""
+        return self.reasons == 0
+
+
+def band_levels(
+    profile: xr.Dataset, bands: Sequence[Band]
+) -> tuple[Mapping[str, BandLevel], tuple[str, ...]]:
+    """The profile in each band, and one sentence per band that it cannot carry anywhere.
+
+    Parameters
+    ----------
+    profile : the profile contract
+    bands : to filter by
+
+    Raises
+    ------
+    DataError : no band can be carried.
+    """
+    grid, elevation, flags = _even(profile)
+    spacing = float((grid[-1] - grid[0]) / (grid.size - 1))
+    deviations = {
+        name.removeprefix("standard_deviation_"): _on_grid(profile, name, grid)
+        for name in map(str, profile.data_vars)
+        if name.startswith("standard_deviation_")
+    }
+    known = np.isfinite(elevation)
+    typical = {name: _median(values[known]) for name, values in deviations.items()}
+    levels, notes = {}, []
+    for band in bands:
+        longest = max((one.stop - one.start for one in runs(known)), default=1)
+        reason = obstacle(band, spacing, (longest - 1) * spacing)
+        if reason:
+            notes.append(f"{reason}: it is not assessed")
+            continue
+        level = band_pass_pieces(elevation, spacing, band)
+        levels[band.name] = BandLevel(
+            band,
+            grid,
+            level,
+            np.nan_to_num(deviations.get(band.name, np.zeros(grid.size))),
+            _reasons(band, spacing, known, level, flags),
+            colour_of(band, typical),
+            band.name in deviations,
+        )
+    if not levels:
+        raise DataError(
+            f"No band can be assessed: {notes[0].removesuffix(': it is not assessed')}; "
+            "give a longer or finer profile."
+        )
+    return levels, tuple(notes)
+
+
+def _even(profile: xr.Dataset) -> tuple[Array, Array, NDArray[np.int16]]:
+    """Grid, elevation with NaN in gaps, and flags, of the nearest point."""
+    distance = profile["distance"].to_numpy()
+    flags = profile["quality"].to_numpy().astype(np.int16)
+    elevation = np.where(flags & Quality.GAP, np.nan, profile["elevation"].to_numpy())
+    spacing = float(np.median(np.diff(distance)))
+    count = round(float(distance[-1] - distance[0]) / spacing) + 1
+    grid = np.linspace(distance[0], distance[-1], count)
+    if distance.size == count and np.abs(grid - distance).max() < 1e-6 * spacing:
+        return grid, elevation, flags
+    nearest = np.searchsorted((distance[1:] + distance[:-1]) / 2, grid)
+    return grid, resample(distance, elevation, grid), flags[nearest]
+
+
+def _on_grid(profile: xr.Dataset, name: str, grid: Array) -> Array:
+    values, distance = profile[name].to_numpy(), profile["distance"].to_numpy()
+    known = np.isfinite(values)
+    return np.interp(grid, distance[known], values[known]) if known.any() else np.zeros(grid.size)
+
+
+def _median(values: Array) -> float:
+    return float(np.median(values)) if values.size else 0.0
+
+
+def _reasons(
+    band: Band, spacing: float, known: Mask, level: Array, flags: NDArray[np.int16]
+) -> NDArray[np.int16]:
+    reasons = np.zeros(known.size, np.int16)
+    reach = int(np.ceil(edge_distance(band) / spacing))
+    for piece in runs(known):
+        reasons[piece.start : min(piece.start + reach, piece.stop)] = Reason.EDGE
+        reasons[max(piece.stop - reach, piece.start) : piece.stop] = Reason.EDGE
+    reasons[np.isnan(level)] = Reason.TOO_SHORT
+    reasons[~known] = Reason.GAP
+    for flag, reason in _IN_PLACE.items():
+        reasons[known & (flags & flag != 0)] |= reason
+    for flag, reason in _SPREADING.items():
+        flawed = flags & flag != 0
+        if flawed.any():
+            reasons[known & _widened(flawed, reach)] |= reason
+    return reasons
+
+
+def _widened(mask: Mask, reach: int) -> Mask:
+    """Also the places within `reach` of those where the mask holds."""
+    wide = np.zeros(mask.size, bool)
+    for run in runs(mask):
+        wide[max(run.start - reach, 0) : run.stop + reach] = True
+    return wide
+
+
+@dataclass(frozen=True)
+class NotAssessed:
+    """A stretch that is not judged in a band, and why.
+
+    Parameters
+    ----------
+    band : by name
+    start, end : [m]
+    reasons : one or more
+    """
+
+    band: str
+    start: float
+    end: float
+    reasons: Reason
+
+
+def not_assessed(level: BandLevel) -> tuple[NotAssessed, ...]:
+    """All stretches of a band that are not judged, in their order."""
+    changes = np.flatnonzero(np.diff(level.reasons)) + 1
+    edges = [0, *changes.tolist(), level.reasons.size]
+    half = level.spacing / 2
+    return tuple(
+        NotAssessed(
+            level.band.name,
+            float(level.distance[a]) - half,
+            float(level.distance[b - 1]) + half,
+            Reason(int(level.reasons[a])),
+        )
+        for a, b in pairwise(edges)
+        if level.reasons[a]
+    )

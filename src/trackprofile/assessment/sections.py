@@ -1,0 +1,190 @@
+"""Standard deviation of the level per section, its uncertainty, and the class with its probability.
+
+The true level in a band is m + e, the estimate and a Gaussian error with covariance S. Over the n
+points of a section, with the mean taken off by C = I - 11ᵀ/n, its variance V = |C(m + e)|²/n has
+
+    E V = (mᵀCm + tr CS)/n,    var V = (4 mᵀC S C m + 2 tr (CS)²)/n²
+
+(moments of a quadratic form in Gaussians). So the section's standard deviation is not that of the
+estimate, which is too smooth by what it does not know. V is taken as gamma distributed with these
+two moments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.stats import gamma
+
+from trackprofile.assessment.levels import BandLevel
+from trackprofile.limits import QualityClasses
+
+Array = NDArray[np.float64]
+
+LEAST_SHARE = 0.8
+"""Of a section that must be assessable, or the section is not assessed."""
+
+_INTERVAL = (0.025, 0.975)
+
+
+@dataclass(frozen=True)
+class Section:
+    """One section of the track in one band.
+
+    Parameters
+    ----------
+    band : by name
+    start, end : boundaries, multiples of the length unless the profile begins or ends between [m]
+    assessed_share : of its points that may be judged
+    standard_deviation : of the true level, the root of its expected variance [m]
+    low, high : 95 % interval of it [m]
+    of_estimate : the standard deviation of the estimate itself [m]
+    probabilities : per quality class, best first; empty where the limits have no classes
+    classes : what they were judged by, if anything
+    """
+
+    band: str
+    start: float
+    end: float
+    assessed_share: float
+    standard_deviation: float
+    low: float
+    high: float
+    of_estimate: float
+    probabilities: Mapping[str, float]
+    classes: QualityClasses | None
+
+    @property
+    def quality_class(self) -> str:
+        """The most probable class; empty without classes."""
+        return max(self.probabilities, key=self.probabilities.__getitem__, default="")
+
+
+def assess_sections(
+    level: BandLevel, length: float, classes: QualityClasses | None
+) -> tuple[Section, ...]:
+    """All sections of a length that are assessable, in their order.
+
+    Parameters
+    ----------
+    level : the profile in a band
+    length : of a section [m]; boundaries are at its multiples
+    classes : of the band at the line's speed
+
+    Examples
+    --------
+    >>> from trackprofile.assessment.levels import band_levels
+    >>> from trackprofile.bands import D1
+    >>> from trackprofile.contracts import build_profile
+    >>> distance = np.arange(0.0, 900.0, 0.25)
+    >>> wave = build_profile(distance, 1e-3 * np.sin(2 * np.pi * distance / 10), kind="truth")
+    >>> levels, _ = band_levels(wave, [D1])
+    >>> [f"{one.start:.0f} m: {1e3 * one.standard_deviation:.3f} mm"
+    ...  for one in assess_sections(levels["D1"], 200.0, None)]
+    ['0 m: 0.707 mm', '200 m: 0.707 mm', '400 m: 0.707 mm', '600 m: 0.707 mm']
+    """
+    count = round(length / level.spacing)
+    if count < 2:
+        return ()
+    moments = _error_moments(level, count)
+    first = int(np.floor(level.distance[0] / length))
+    last = int(np.ceil(level.distance[-1] / length))
+    sections = []
+    for number in range(first, last):
+        start, end = number * length, (number + 1) * length
+        inside = slice(*np.searchsorted(level.distance, [start - 1e-6, end - 1e-6]))
+        used = level.assessed[inside]
+        share = np.count_nonzero(used) / count
+        if share >= LEAST_SHARE:
+            sections.append(
+                _section(level, inside, (start, end), min(share, 1.0), moments, classes)
+            )
+    return tuple(sections)
+
+
+@dataclass(frozen=True)
+class _ErrorMoments:
+    """Of an error of unit variance over one whole section.
+
+    Parameters
+    ----------
+    correlation : its covariance (n, n)
+    mean : tr CR/n, of its variance about the section's mean
+    variance : 2 tr (CR)²/n², of that variance
+    """
+
+    correlation: Array
+    mean: float
+    variance: float
+
+
+def _error_moments(level: BandLevel, count: int) -> _ErrorMoments:
+    row = level.colour.correlation(level.spacing * np.arange(count, dtype=np.float64))
+    correlation = toeplitz(row)
+    centred = correlation - correlation.mean(axis=0)
+    mean = float(np.trace(centred)) / count
+    return _ErrorMoments(correlation, mean, 2 * float(np.sum(centred * centred.T)) / count**2)
+
+
+def _section(
+    level: BandLevel,
+    inside: slice,
+    ends: tuple[float, float],
+    share: float,
+    error: _ErrorMoments,
+    classes: QualityClasses | None,
+) -> Section:
+    used = level.assessed[inside]
+    values, spread = level.level[inside][used], level.deviation[inside][used]
+    centred = values - values.mean()
+    weighted = np.zeros(used.size)
+    weighted[used] = centred * spread
+    size = min(weighted.size, len(error.correlation))
+    cross = float(weighted[:size] @ error.correlation[:size, :size] @ weighted[:size])
+    own, mean_square = float(np.mean(centred**2)), float(np.mean(spread**2))
+    expected = own + mean_square * error.mean
+    variance = 4 * cross / values.size**2 + mean_square**2 * error.variance / share
+    low, high = _quantiles(expected, variance)
+    return Section(
+        level.band.name,
+        *ends,
+        share,
+        standard_deviation=float(np.sqrt(expected)),
+        low=low,
+        high=high,
+        of_estimate=float(np.sqrt(own)),
+        probabilities={} if classes is None else _probabilities(expected, variance, classes),
+        classes=classes,
+    )
+
+
+def _shape_and_scale(expected: float, variance: float) -> tuple[float, float]:
+    return expected**2 / variance, variance / expected
+
+
+def _certain(expected: float, variance: float) -> bool:
+    return variance <= (1e-9 * expected) ** 2 or expected <= 0
+
+
+def _quantiles(expected: float, variance: float) -> tuple[float, float]:
+    """Of the standard deviation [m]."""
+    if _certain(expected, variance):
+        return float(np.sqrt(expected)), float(np.sqrt(expected))
+    shape, scale = _shape_and_scale(expected, variance)
+    low, high = np.sqrt(gamma.ppf(_INTERVAL, shape, scale=scale))
+    return float(low), float(high)
+
+
+def _probabilities(expected: float, variance: float, classes: QualityClasses) -> dict[str, float]:
+    bounds = np.array(list(classes.below.values()))
+    if _certain(expected, variance):
+        below = (np.sqrt(expected) < bounds).astype(float)
+    else:
+        shape, scale = _shape_and_scale(expected, variance)
+        below = gamma.cdf(bounds**2, shape, scale=scale)
+    shares = np.diff(np.concatenate([[0.0], below, [1.0]]))
+    return dict(zip(classes.names, map(float, shares), strict=True))

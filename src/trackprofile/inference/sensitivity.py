@@ -1,0 +1,85 @@
+"""What an uncertain vehicle adds to the uncertainty of the profile."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.inference.likelihood import Progress
+from trackprofile.inference.measured import (
+    Measured,
+    Model,
+    prepared_filter,
+    ride_of,
+    row_signals,
+    start_of,
+)
+from trackprofile.inference.parameters import (
+    calibrated_parameters,
+    changed,
+    chosen,
+    values_of,
+)
+from trackprofile.inference.smoother import smooth
+from trackprofile.sensor import Installation, Sensor
+
+Array = NDArray[np.float64]
+
+
+def by_the_vehicle(
+    data: Measured, model: Model, installation: Installation, place: Array, elevation: Array,
+    progress: Progress,
+) -> Array:  # fmt: skip
+    """How the profile moves with the calibration's parameters, in independent directions of one standard deviation.
+
+    With Σ = V Λ Vᵀ the covariance of the parameters θ, column k is r̂(θ + √λ_k v_k) - r̂(θ), so that the columns'
+    products with standard normal numbers are draws of the error that the vehicle makes.
+
+    Parameters
+    ----------
+    place, elevation : (knots,), m, where and what the profile is with the model's parameters
+
+    Returns
+    -------
+    (knots, p) in m; p = 0 where nothing is known of the parameters' errors
+
+    Raises
+    ------
+    ModelError
+        Where the installation speaks of a parameter that the model does not have.
+    """
+    sure = installation.uncertainty
+    if sure is None:
+        return np.zeros((len(place), 0))
+    names = [_here(name, installation.sensors, data.sensors) for name in sure.names]
+    parameters = chosen(calibrated_parameters(model), [name for name in names if name])
+    order = [names.index(one.name) for one in parameters]
+    covariance = np.asarray(sure.covariance, np.float64)[np.ix_(order, order)]
+    values, directions = np.linalg.eigh(covariance)
+    centre = values_of(model, parameters)
+    columns = []
+    for k, step in enumerate((directions * np.sqrt(np.maximum(values, 0.0))).T):
+        progress("carrying over the vehicle's uncertainty", k / len(values))
+        moved = _profile(data, changed(model, parameters, centre + step), place)
+        columns.append(moved - elevation)
+    return np.stack(columns, axis=1)
+
+
+def _here(name: str, calibrated: Sequence[Sensor], recorded: Sequence[Sensor]) -> str | None:
+    """A parameter's name with the recording's name for the sensor; None where that was not recorded."""
+    for one in calibrated:
+        if name.endswith(f" of {one.name}"):
+            alike = [s.name for s in recorded if (s.quantity, s.body) == (one.quantity, one.body)]
+            return name.removesuffix(one.name) + alike[0] if alike else None
+    return name
+
+
+def _profile(data: Measured, model: Model, place: Array) -> Array:
+    """The profile under that model, (knots,) at ``place``."""
+    system, ride = ride_of(data, model)
+    prepared = prepared_filter(data, model, ride, start_of(data, model, system, ride))
+    found = smooth(prepared, row_signals(data, model, ride)).elevation[:, 0]
+    knots = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
+    return np.interp(place, knots, found)
