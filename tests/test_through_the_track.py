@@ -6,43 +6,17 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from full_track_recording import VELARO, recorded
 from trackprofile.comparison import compare
-from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import ModelError
 from trackprofile.inference.estimate import infer
-from trackprofile.integrate import newmark
-from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.irregularity import random
-from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track
 
-VELARO, PRIOR = read_vehicle("velaro")[0], read_spectrum("fra-4")
-SPEED, STEP, SAMPLING = 150 / 3.6, 1e-3, 500.0  # m/s, s, Hz
+PRIOR, SENSORS = read_spectrum("fra-4"), read_sensors("bogie-25ug")
 EDGE = 300.0  # m, left out at both ends
 
 # Literature: asked for, of a prototype's 0.007, 0.008 and 0.033 mm.
 ASKED = {"D1": 0.010, "D2": 0.010, "D3": 0.040}
-
-
-def recorded(length: float, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
-    """The full model's signals with noise, every 2 ms, and the unloaded profile."""
-    irregularity = random(PRIOR, seed, 1.5, 300.0, length=length + 500.0)
-    run = Run(0.0, length, steady(SPEED), run_in=200.0, every=round(1 / SAMPLING / STEP))
-    made = simulate(VELARO, read_track("zhai-layered"), irregularity, run, newmark(STEP))
-    generator = np.random.default_rng(seed)
-    channels = []
-    for sensor in read_sensors("bogie-25ug"):
-        exact = felt(made, VELARO, sensor)
-        assert sensor.noise_density is not None
-        noise = sensor.noise_density * np.sqrt(SAMPLING / 2) * generator.standard_normal(len(exact))
-        channels.append(
-            Channel(sensor.name, exact + noise, sensor.quantity, sensor.body, sensor.position, sensor.noise_density)
-        )  # fmt: skip
-    recording = build_recording(channels, time=made.time, distance=made.position, speed=made.speed)
-    place = np.arange(-50.0, length, 0.25)
-    return recording, build_profile(
-        place, irregularity.at(place)[0], kind="truth", loading="unloaded"
-    )
 
 
 def errors(recording: xr.Dataset, truth: xr.Dataset, track: str, correct: bool) -> dict[str, float]:
@@ -54,7 +28,7 @@ def errors(recording: xr.Dataset, truth: xr.Dataset, track: str, correct: bool) 
 
 
 def test_reduced_track_and_its_correction_find_the_unloaded_profile() -> None:
-    recording, truth = recorded(1200.0, 1)
+    recording, truth = recorded(1200.0, 1, PRIOR, SENSORS)
     rigid, reduced, corrected = (
         errors(recording, truth, track, correct)
         for track, correct in (("rigid", False), ("zhai-layered", False), ("zhai-layered", True))
@@ -72,7 +46,7 @@ def test_error_through_the_real_track_is_what_was_asked() -> None:
     # D3 of one kilometre holds some twenty waves: its error is that of many seeds.
     squares = []
     for seed in range(1, 7):
-        recording, truth = recorded(3600.0, seed)
+        recording, truth = recorded(3600.0, seed, PRIOR, SENSORS)
         squares.append(
             [
                 list(errors(recording, truth, "zhai-layered", correct).values())
@@ -87,6 +61,6 @@ def test_error_through_the_real_track_is_what_was_asked() -> None:
 
 
 def test_only_a_layered_track_is_corrected_for() -> None:
-    recording, _ = recorded(1000.0, 2)
+    recording, _ = recorded(1000.0, 2, PRIOR, SENSORS)
     with pytest.raises(ModelError, match="Only a layered track"):
         infer(recording, VELARO, prior=PRIOR, draws=2, correct=True)

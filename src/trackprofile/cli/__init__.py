@@ -15,6 +15,16 @@ import typer
 
 from trackprofile import __version__
 from trackprofile.cli import show
+from trackprofile.cli.calibrate import calibrate
+from trackprofile.cli.options import (
+    From,
+    Json,
+    OptionalVehicle,
+    RequiredVehicle,
+    To,
+    TrackName,
+    read_as,
+)
 from trackprofile.cli.simulate import simulate
 from trackprofile.errors import DataError, FileError, TrackprofileError
 
@@ -46,21 +56,6 @@ class Evaluation(StrEnum):
     SIMULATION = "simulation"
 
 
-From = Annotated[float | None, typer.Option("--from", metavar="M", help="Start of the stretch, m.")]
-To = Annotated[float | None, typer.Option("--to", metavar="M", help="End of the stretch, m.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-TrackName = Annotated[
-    str, typer.Option("--track", metavar="T", help="rigid, a preset such as zhai, or a TOML.")
-]
-OptionalVehicle = Annotated[
-    str | None,
-    typer.Option("--vehicle", metavar="V", help="A preset, or a TOML as calibrate writes it."),
-]
-RequiredVehicle = Annotated[
-    str, typer.Option("--vehicle", metavar="V", help="A preset, or the TOML of a vehicle.")
-]
-
-
 @app.command()
 def infer(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="TOML or NetCDF.")],
@@ -80,6 +75,9 @@ def infer(
     seed: Annotated[int, typer.Option(help="Of the draws, or of the search.")] = 0,
     correct: Annotated[
         bool, typer.Option("--correct", help="For a layered track: correct by its full model.")
+    ] = False,
+    load: Annotated[
+        bool, typer.Option("--load", help="Find what the body weighs on the day.")
     ] = False,
     search: Annotated[
         str | None,
@@ -103,9 +101,9 @@ def infer(
     from trackprofile.io.search_toml import read_search
     from trackprofile.outputs import estimate_files, summary, write_estimate
 
-    _only_of(method, prior=prior, correct=correct, search=search)
+    _only_of(method, prior=prior, correct=correct, load=load, search=search)
     estimate_files(output)
-    measured = _read(recording, "recording")
+    measured = read_as(recording, "recording")
     car, installation = _vehicle_of(measured, recording, vehicle)
     support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
     settings = None if search is None else read_search(search)
@@ -134,6 +132,7 @@ def infer(
                 draws=draws,
                 seed=seed,
                 correct=correct,
+                load=load,
                 progress=progress,
             )
     files = list(map(str, write_estimate(found, measured, output)))
@@ -148,7 +147,7 @@ def infer(
 
 def _only_of(method: Method, **given: object) -> None:
     """Refuse an option of the other method, which would otherwise be passed over in silence."""
-    others = {"search"} if method is Method.SMOOTHER else {"prior", "correct"}
+    others = {"search"} if method is Method.SMOOTHER else {"prior", "correct", "load"}
     for name in sorted(others & given.keys()):
         if given[name]:
             raise DataError(
@@ -156,74 +155,7 @@ def _only_of(method: Method, **given: object) -> None:
             )
 
 
-@app.command()
-def calibrate(
-    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...")],
-    vehicle: RequiredVehicle,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="TOML", help="The vehicle.")],
-    reference: Annotated[
-        Path | None,
-        typer.Option(metavar="PROFILE", help="The profile there, where it is known."),
-    ] = None,
-    track: TrackName = "rigid",
-    prior: Annotated[
-        str | None,
-        typer.Option(metavar="SPECTRUM", help="Shape of the unknown profile: a preset, or a TOML."),
-    ] = None,
-    parameter: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="To fit; may be repeated. Without: all that can be."),
-    ] = None,
-    anyway: Annotated[
-        bool, typer.Option(help="Write also what the data tell less than the prior.")
-    ] = False,
-    from_m: From = None,
-    to_m: To = None,
-    picture: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="How sure each parameter is, and what is left (.png)."),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Fit a vehicle to recordings, with or without a reference for the profile under them."""
-    from trackprofile.contracts import between
-    from trackprofile.inference.calibration import calibrate as fit
-    from trackprofile.io.model_toml import (
-        check_vehicle_place,
-        read_spectrum,
-        read_track,
-        read_vehicle,
-        write_vehicle,
-    )
-
-    check_vehicle_place(output)
-    measured = [between(_read(path, "recording"), from_m, to_m) for path in recordings]
-    known = None if reference is None else between(_read(reference, "profile"), from_m, to_m)
-    car, installation = read_vehicle(vehicle)
-    support = read_track(track)
-    spectrum = None if prior is None else read_spectrum(prior)
-    with show.progress_bars() as progress:
-        found = fit(
-            measured, car, known, installation=installation, track=support, prior=spectrum,
-            parameters=parameter, anyway=anyway, progress=progress,
-        )  # fmt: skip
-    result = found.as_dict()
-    origin = {
-        "recordings": [path.name for path in recordings],
-        "reference": None if reference is None else reference.name,
-        "track": track,
-        "from_m": from_m,
-        "to_m": to_m,
-    }
-    write_vehicle(found.vehicle, found.installation, output, origin | result)
-    if as_json:
-        show.as_one_object({"file": str(output)} | origin | result)
-        return
-    show.note(found.notes)
-    show.estimates(result["parameters"])
-    show.say(f"Vehicle in {output}: give it to infer with --vehicle.")
-
-
+app.command()(calibrate)
 app.command()(simulate)
 
 
@@ -242,8 +174,8 @@ def compare(
     from trackprofile.comparison import compare as compared
 
     result = compared(
-        _read(profile, "profile"),
-        _read(reference, "profile"),
+        read_as(profile, "profile"),
+        read_as(reference, "profile"),
         from_m=from_m,
         to_m=to_m,
         passes=passes,
@@ -368,17 +300,6 @@ def _options(
     ] = False,
 ) -> None:
     """Options of the command itself."""
-
-
-def _read(path: Path, kind: str) -> xr.Dataset:
-    """The recording or profile in a file; FileError where it is the other."""
-    from trackprofile.io import read
-
-    dataset = read(path)
-    found = dataset.attrs["kind_of_data"]
-    if found != kind:
-        raise FileError(f"{path}: expected a {kind}, this is a {found}; give the right file.")
-    return dataset
 
 
 def _speed(text: str) -> float:

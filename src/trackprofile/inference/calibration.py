@@ -84,6 +84,9 @@ class Calibration:
     correlation : (estimates, estimates), of their errors
     log_likelihood : of the recordings, given the reference
     notes : what was held and why, in sentences
+    start : the model about which the priors stand
+    fit : of vehicle and places
+    explained : per sensor, what of its signal the track explains through the fitted vehicle
     """
 
     vehicle: Vehicle
@@ -92,6 +95,9 @@ class Calibration:
     correlation: Array
     log_likelihood: float
     notes: tuple[str, ...]
+    start: Model
+    fit: Fit
+    explained: tuple[Explained, ...]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: the estimates by name, correlations and notes."""
@@ -167,7 +173,8 @@ def calibrate(
     fit = _fit(passes, start, wanted, parameters is not None, anyway, notes, progress)
     model = _with_noise(passes, fit, installation, notes, progress)
     notes += _doubts(start, fit)
-    return _calibration(given, model, fit, installation, tuple(notes))
+    parts, _ = explained([one.data for one in passes], fit.model)
+    return _calibration(given, model, fit, installation, tuple(notes), tuple(parts))
 
 
 def _fit(
@@ -301,8 +308,9 @@ def _doubts(start: Model, fit: Fit) -> list[str]:
 
 
 def _calibration(
-    start: Model, model: Model, fit: Fit, installation: Installation, notes: tuple[str, ...]
-) -> Calibration:
+    start: Model, model: Model, fit: Fit, installation: Installation, notes: tuple[str, ...],
+    parts: tuple[Explained, ...],
+) -> Calibration:  # fmt: skip
     count = len(fit.free)
     covariance = fit.found.covariance(memory=_rows_within(MEMORY, fit.passes))[:count, :count]
     errors = np.sqrt(np.diag(covariance))
@@ -320,5 +328,5 @@ def _calibration(
     )  # fmt: skip
     return Calibration(
         model.vehicle, fitted, tuple(estimates), covariance / np.outer(errors, errors),
-        fit.found.slopes.log_likelihood, notes,
+        fit.found.slopes.log_likelihood, notes, start, fit, parts,
     )  # fmt: skip

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import fftconvolve, kaiserord, welch
 
+from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured, Model, moved
 from trackprofile.motion import Motion
 from trackprofile.receptance import FITTED_UP_TO
@@ -31,6 +32,12 @@ INSIDE = 0.99
 SEGMENT = 10.0
 """s of a periodogram: two waves of the slowest bounce of a body, several times over."""
 
+SHORTEST = 3.0
+"""s of a run, below which it shows not even the slowest bounce of a body."""
+
+PIECES = 3
+"""Into which a short run is cut."""
+
 SPEEDS = 12
 """Speeds that stand for a recording's."""
 
@@ -47,13 +54,15 @@ class Explained:
     frequency : (m,), Hz
     measured : (m,), one-sided density of the signal, unit²/Hz
     track : (m,), of what the profile makes of it through the vehicle
-    noise : white, unit²/Hz
+    noise : (m,), white but for the sensor's own filter, unit²/Hz
+    stated : noise density that the recording states, unit/√Hz
     """
 
     frequency: Array
     measured: Array
     track: Array
     noise: Array
+    stated: float | None
 
     @property
     def highest(self) -> float:
@@ -85,10 +94,31 @@ def explained(data: Sequence[Measured], model: Model) -> tuple[list[Explained], 
                      options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 4000}).x  # fmt: skip
     level = float(np.exp(found[0]))
     parts = [
-        Explained(f, P, level * G, float(np.exp(w)) * L)
-        for (f, P, G), L, w in zip(spectra, passed, found[1:], strict=True)
+        Explained(f, P, level * G, float(np.exp(w)) * L, one.noise_density)
+        for (f, P, G), L, w, one in zip(spectra, passed, found[1:], data[0].sensors, strict=True)
     ]
     return parts, scaled(model.spectrum, level)
+
+
+def _going(
+    one: Measured, model: Model, i: int, interval: float
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """A signal at even times, the speed there, and where both are good."""
+    time, signal, weight = _even(one, i, interval)
+    going = np.interp(time, one.motion.time, moved(one, model).speed)
+    return signal, going, (weight > INSIDE) & (going > MOVING)
+
+
+def _segment(data: Sequence[Measured], model: Model, i: int, interval: float) -> int:
+    """Samples in a periodogram: fewer where no piece is long."""
+    pieces = [piece for one in data for piece in _pieces(_going(one, model, i, interval)[2], 1)]
+    longest = interval * max((piece.stop - piece.start for piece in pieces), default=0)
+    if longest < SHORTEST:
+        raise DataError(
+            f"Sensor {model.sensors[i].name}: expected {SHORTEST:g} s without a gap above {MOVING:g} m/s, got "
+            f"{longest:.3g} s: too short or too slow to tell the vehicle; record a kilometre or more at line speed."
+        )
+    return round(min(SEGMENT, longest / PIECES) / interval)
 
 
 def _passed(sensor: Sensor, frequency: Array) -> Array:
@@ -101,20 +131,16 @@ def _passed(sensor: Sensor, frequency: Array) -> Array:
 def _spectra(data: Sequence[Measured], model: Model, i: int) -> tuple[Array, Array, Array]:
     """Frequencies, periodogram and what a profile of the model's spectrum would make of one sensor's signal."""
     interval = min(float(np.median(np.diff(one.motion.time))) for one in data)
-    count = max(16, round(SEGMENT / interval))
+    count = _segment(data, model, i, interval)
     total, seconds, speeds = np.zeros(count // 2 + 1), 0.0, []
     f = np.asarray(np.fft.rfftfreq(count, interval), np.float64)
     for one in data:
-        time, signal, weight = _even(one, i, interval)
-        going = np.interp(time, one.motion.time, moved(one, model).speed)
-        good = (weight > INSIDE) & (going > MOVING)
+        signal, going, good = _going(one, model, i, interval)
         for piece in _pieces(good, count):
             _, P = welch(signal[piece], 1 / interval, "hann", count, detrend="linear")
             total += P * (piece.stop - piece.start)
             seconds += piece.stop - piece.start
             speeds.append(going[piece])
-    if not speeds:
-        return f, np.ones(len(f)), np.ones(len(f))
     system = state_space(model.vehicle, model.track, model.sensors)
     quantiles = np.quantile(np.concatenate(speeds), (np.arange(SPEEDS) + 0.5) / SPEEDS)
     made = np.zeros(len(f))

@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from plotly.graph_objects import Figure as Page
 
+    from trackprofile.inference.calibration import Calibration
     from trackprofile.simulation.simulate import Simulation
 
 __all__ = [
+    "calibration_picture",
     "profile_figure",
     "profile_picture",
     "ride_figure",
@@ -105,6 +107,18 @@ def ride_picture(
     from trackprofile.plot.ride import ride_chart
 
     return draw(ride_chart(truth, recording, simulation, title))
+
+
+def calibration_picture(calibration: Calibration) -> Figure:
+    """How sharply each parameter is told, and what of each signal's spectrum the track explains.
+
+    Parameters
+    ----------
+    calibration : of `trackprofile.inference.calibration.calibrate`
+    """
+    from trackprofile.plot.calibration import draw
+
+    return draw(calibration)
 
 
 def write_html(figure: Page, path: Path | str) -> None:

@@ -1,0 +1,38 @@
+"""Options that several commands share, and how their files are opened."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from trackprofile.errors import FileError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+From = Annotated[float | None, typer.Option("--from", metavar="M", help="Start of the stretch, m.")]
+To = Annotated[float | None, typer.Option("--to", metavar="M", help="End of the stretch, m.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+TrackName = Annotated[
+    str, typer.Option("--track", metavar="T", help="rigid, a preset such as zhai, or a TOML.")
+]
+OptionalVehicle = Annotated[
+    str | None,
+    typer.Option("--vehicle", metavar="V", help="A preset, or a TOML as calibrate writes it."),
+]
+RequiredVehicle = Annotated[
+    str, typer.Option("--vehicle", metavar="V", help="A preset, or the TOML of a vehicle.")
+]
+
+
+def read_as(path: Path, kind: str) -> xr.Dataset:
+    """The recording or profile in a file; FileError where it is the other."""
+    from trackprofile.io import read
+
+    dataset = read(path)
+    found = dataset.attrs["kind_of_data"]
+    if found != kind:
+        raise FileError(f"{path}: expected a {kind}, this is a {found}; give the right file.")
+    return dataset

@@ -1,0 +1,44 @@
+"""Recordings of a car on the full track, with noise: what the inference, that knows a reduced track, has to read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+from trackprofile.contracts import Channel, build_profile, build_recording
+from trackprofile.integrate import newmark
+from trackprofile.io.model_toml import read_track, read_vehicle
+from trackprofile.irregularity import random
+from trackprofile.sensor import Sensor
+from trackprofile.simulation.drive import Drive, steady
+from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.spectrum import Spectrum
+
+VELARO = read_vehicle("velaro")[0]
+STEADY = steady(150 / 3.6)
+STEP, SAMPLING = 1e-3, 500.0  # s, Hz
+
+
+def recorded(
+    length: float, seed: int, spectrum: Spectrum, sensors: Sequence[Sensor], drive: Drive = STEADY
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """The full model's signals with noise, every 2 ms, and the unloaded profile."""
+    irregularity = random(spectrum, seed, 1.5, 300.0, length=length + 500.0)
+    run = Run(0.0, length, drive, run_in=200.0, every=round(1 / SAMPLING / STEP))
+    made = simulate(VELARO, read_track("zhai-layered"), irregularity, run, newmark(STEP))
+    generator = np.random.default_rng(seed)
+    channels = []
+    for sensor in sensors:
+        exact = felt(made, VELARO, sensor)
+        assert sensor.noise_density is not None
+        noise = sensor.noise_density * np.sqrt(SAMPLING / 2) * generator.standard_normal(len(exact))
+        channels.append(
+            Channel(sensor.name, exact + noise, sensor.quantity, sensor.body, sensor.position, sensor.noise_density)
+        )  # fmt: skip
+    recording = build_recording(channels, time=made.time, distance=made.position, speed=made.speed)
+    place = np.arange(-50.0, length, 0.25)
+    return recording, build_profile(
+        place, irregularity.at(place)[0], kind="truth", loading="unloaded"
+    )

@@ -1,0 +1,152 @@
+"""Vehicles found from what their sensors felt, where nobody knows the track under them."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from full_track_recording import STEADY, VELARO, recorded
+from trackprofile.comparison import compare
+from trackprofile.demo import simulated
+from trackprofile.inference.calibration import Calibration, calibrate
+from trackprofile.inference.estimate import infer
+from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track
+from trackprofile.receptance import point_track
+from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor
+from trackprofile.simulation.drive import Drive
+from trackprofile.units import STANDARD_GRAVITY
+from trackprofile.vehicle import Vehicle, parameter_values, with_parameters
+
+FRA_5, TRACK = read_spectrum("fra-5"), read_track("zhai-layered")
+ZHAI = point_track(read_track("zhai"))
+TRUE = parameter_values(VELARO)
+# The wheelset is felt through k_t only, and the body's mass sets the scale of all others.
+SOUGHT = [name for name in TRUE if name not in ("wheelset mass", "body mass")]
+EDGE = 150.0  # m, left out at both ends
+BRAKING = Drive((0.0, 5.0, 40.0), (45.0, 45.0, 20.0))
+
+
+def wrong_by_30_percent(seed: int) -> Vehicle:
+    """Each parameter 30 % too high or too low."""
+    signs = np.random.default_rng(seed).choice([-1.0, 1.0], len(SOUGHT))
+    values = {name: (1 + 0.3 * sign) * TRUE[name] for name, sign in zip(SOUGHT, signs, strict=True)}
+    return with_parameters(VELARO, values)
+
+
+def errors(recording: xr.Dataset, truth: xr.Dataset, vehicle: Vehicle) -> dict[str, float]:
+    """Of the inferred profile in each band, mm."""
+    found = infer(recording, vehicle, track=TRACK, prior=FRA_5, draws=2)
+    end = float(recording["distance"].to_numpy()[-1]) - EDGE
+    bands = compare(found, truth, from_m=EDGE, to_m=end).bands
+    return {name: band.rms_error_mm for name, band in bands.items() if band is not None}
+
+
+def off(calibration: Calibration) -> dict[str, float]:
+    """Of each parameter found, the relative error."""
+    return {one.name: one.value / TRUE[one.name] - 1 for one in calibration.estimates}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Relative errors of the parameters, and errors in each band (mm): with the found car, and the true one."""
+
+    off: dict[str, float]
+    found: dict[str, float]
+    known: dict[str, float]
+
+
+def outcome(seed: int, drive: Drive) -> Outcome:
+    recording, truth = recorded(1000.0, seed, FRA_5, read_sensors("bogie-100ug"), drive)
+    found = calibrate(recording, wrong_by_30_percent(seed), track=TRACK, parameters=SOUGHT)
+    return Outcome(
+        off(found), errors(recording, truth, found.vehicle), errors(recording, truth, VELARO)
+    )
+
+
+def say(line: str) -> None:
+    """What the manual quotes; pytest -s shows it."""
+    sys.stdout.write(line + "\n")
+
+
+def test_suspension_is_found_from_300_m_of_unknown_track() -> None:
+    recording, _ = recorded(300.0, 3, FRA_5, read_sensors("bogie-100ug"))
+    names = ["primary stiffness", "primary damping"]
+    start = with_parameters(VELARO, {name: 1.3 * TRUE[name] for name in names})
+    found = calibrate(recording, start, track=TRACK, parameters=names)
+    for one in found.estimates:
+        assert one.value == pytest.approx(TRUE[one.name], rel=0.02)
+        assert one.standard_error < 0.01 * one.value
+    assert found.vehicle.name == VELARO.name
+    uncertainty = found.installation.uncertainty
+    assert uncertainty is not None
+    assert list(uncertainty.names) == names
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("drive", [STEADY, BRAKING], ids=["constant-speed", "varying-speed"])
+def test_ten_cars_are_found_on_the_full_track(drive: Drive) -> None:
+    outcomes = [outcome(seed, drive) for seed in range(1, 11)]
+    for seed, one in enumerate(outcomes, start=1):
+        worst = max(one.off, key=lambda name: abs(one.off[name]))
+        say(
+            f"seed {seed}: {worst} {one.off[worst]:+.2%}; D1 {one.found['D1']:.4f} mm (known car "
+            f"{one.known['D1']:.4f}), D2 {one.found['D2']:.4f} mm ({one.known['D2']:.4f})"
+        )
+    # Literature: 2 % and 0.020 mm were asked for.
+    assert max(abs(error) for one in outcomes for error in one.off.values()) <= 0.02
+    assert max(one.found["D1"] for one in outcomes) <= 0.020
+
+
+ALONE = {
+    "bogie acceleration": read_sensors("bogie-100ug")[0],
+    "bogie pitch rate": read_sensors("bogie-100ug")[1],
+    "body acceleration": Sensor(
+        "body_acceleration", VERTICAL_ACCELERATION, "body", 6.0, 1e-4 * STANDARD_GRAVITY
+    ),
+}
+PASSES = 5  # simulated runs per sensor
+WELL_TOLD = 0.1  # standard error of a logarithm
+
+
+@pytest.mark.acceptance
+@pytest.mark.parametrize("name", ALONE)
+def test_one_sensor_at_varying_speed_determines_what_its_information_says(name: str) -> None:
+    found = []
+    for seed in range(1, PASSES + 1):
+        recording, _ = recorded(800.0, seed, FRA_5, [ALONE[name]], BRAKING)
+        start = wrong_by_30_percent(seed)
+        found.append(calibrate(recording, start, track=TRACK, parameters=SOUGHT, anyway=True))
+    said = np.array([[one.standard_error / one.value for one in each.estimates] for each in found])
+    errors = np.array([[np.log1p(error) for error in off(each).values()] for each in found])
+    for i, one in enumerate(found[0].estimates):
+        stated, recovered = np.sqrt(np.mean(said[:, i] ** 2)), np.sqrt(np.mean(errors[:, i] ** 2))
+        say(f"{name}: {one.name}: information {stated:.1%}, recovered {recovered:.1%}")
+    told = said < WELL_TOLD
+    assert told.any()
+    assert 0.5 < np.sqrt(np.mean((errors / said)[told] ** 2)) < 1.6
+
+
+@pytest.mark.acceptance
+def test_standard_errors_of_fifty_cars_are_true() -> None:
+    names = ["primary stiffness", "primary damping", "secondary stiffness", "secondary damping"]
+    normalised = []
+    for seed in range(1, 51):
+        recording, _ = simulated(VELARO, ZHAI, read_sensors("bogie-100ug"), FRA_5, 300.0, seed)
+        signs = np.random.default_rng(seed).choice([-1.0, 1.0], len(names))
+        values = {
+            name: (1 + 0.3 * sign) * TRUE[name] for name, sign in zip(names, signs, strict=True)
+        }
+        start = with_parameters(VELARO, values)
+        found = calibrate(recording, start, track=ZHAI, parameters=names)
+        normalised.append(
+            [(one.value - TRUE[one.name]) / one.standard_error for one in found.estimates]
+        )
+    spread = np.std(normalised, axis=0)
+    for name, one in zip(names, spread, strict=True):
+        say(f"{name}: standard deviation of the normalised error {one:.2f}")
+    assert 0.8 <= np.sqrt(np.mean(np.square(normalised))) <= 1.25
+    assert np.all((spread >= 0.7) & (spread <= 1.35))  # of 50 seeds each is known to 10 %
