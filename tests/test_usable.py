@@ -57,7 +57,6 @@ def test_usable_band_ends_where_noise_drowns_the_track(recording: xr.Dataset) ->
         loud = build_recording(
             noisy,
             time=recording["time"].to_numpy(),
-            distance=recording["distance"].to_numpy(),
             speed=recording["speed"].to_numpy(),
         )
         part = explained(
@@ -123,13 +122,14 @@ def test_start_far_from_the_vehicle_is_said(recording: xr.Dataset) -> None:
     assert np.max(curve.prior) < -4
 
 
+@pytest.mark.acceptance
 def test_recordings_of_two_vehicles_under_one_name_are_told_apart() -> None:
     heavy = with_parameters(VELARO, {"primary stiffness": 1.7 * TRUE["primary stiffness"]})
     runs = [
-        simulated(car, ZHAI, SENSORS, SPECTRUM, 300.0, seed)[0]
+        simulated(car, ZHAI, SENSORS, SPECTRUM, 200.0, seed)[0]
         for car, seed in ((VELARO, 1), (VELARO, 2), (heavy, 3))
     ]
-    names = ["primary stiffness", "primary damping"]
+    names = ["primary stiffness"]
     alike = calibrate(runs[:2], VELARO, track=ZHAI, parameters=names)
     assert not any("another vehicle" in note for note in alike.notes)
     mixed = calibrate(runs, VELARO, track=ZHAI, parameters=names)
@@ -140,8 +140,8 @@ def test_recordings_of_two_vehicles_under_one_name_are_told_apart() -> None:
 
 def test_long_recordings_are_thinned_to_stretches_of_all_speeds(recording: xr.Dataset) -> None:
     passes, _ = passes_of([recording], None, VELARO, Installation())
-    some, notes = informative(passes, most=500.0)
-    assert sum(one.length for one in some) == pytest.approx(500.0, rel=0.3)
+    some, notes = informative(passes, most=1000.0)
+    assert sum(one.length for one in some) == pytest.approx(1000.0, rel=0.05)
     assert "were used: those that tell most" in notes[0]
     assert informative(passes, most=5000.0) == (passes, [])
     assert sum(one.length for one in short(passes, 300.0)) == pytest.approx(300.0, rel=0.05)

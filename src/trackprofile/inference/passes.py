@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import numpy as np
 import xarray as xr
@@ -99,9 +99,8 @@ def informative(passes: Sequence[Pass], most: float = ENOUGH) -> tuple[list[Pass
     pieces = [piece for one in others for piece in _stretches(one) if _speed(piece) > SLOWEST]
     pieces.sort(key=_speed)
     quarters = [sorted(part, key=_loudness) for part in _split(pieces, 4)]
-    chosen: list[Pass] = []
-    while sum(one.length for one in chosen) < most - STRETCH / 2 and any(quarters):
-        chosen += [part.pop() for part in quarters if part]
+    in_turn = [one for each in zip_longest(*map(reversed, quarters)) for one in each if one]
+    chosen = in_turn[: round(most / STRETCH)]
     note = f"{sum(one.length for one in chosen):.0f} m of {total:.0f} m were used: those that tell most"
     return [*fixed, *chosen], [note]
 

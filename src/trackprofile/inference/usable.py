@@ -26,7 +26,7 @@ SAMPLES_PER_PERIOD = 2.5
 RIPPLE = 60.0
 """dB by which the cut leaves less than this of what is above, and changes what is below by less."""
 
-INSIDE = 0.99
+INSIDE = 0.995
 """Weight of valid samples in a kept one."""
 
 SEGMENT = 10.0
@@ -210,7 +210,8 @@ def _cut(
     taps, beta = kaiserord(RIPPLE, 0.25 * highest / nyquist)
     kernel = _sinc(taps | 1, beta, 1.125 * highest / nyquist)
     mean = np.sum(signal) / max(np.sum(weight), 1.0)
-    share = fftconvolve(weight, kernel, mode="same")
+    size = np.abs(kernel)  # as a kernel of both signs cancels what is missing
+    share = fftconvolve(weight, size / np.sum(size), mode="same")
     through = fftconvolve(signal - mean * weight, kernel, mode="same") + mean
     time = data.motion.time
     return np.interp(time, even, through), np.interp(time, even, share) > INSIDE
