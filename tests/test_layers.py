@@ -18,7 +18,7 @@ LAYERS = (
     {"units"},
     {"contracts", "bands", "motion", "spectrum", "irregularity", "integrate"},
     {"vehicle", "track", "sensor", "search", "limits"},
-    {"instrument", "receptance"},
+    {"instrument", "receptance", "modes"},
     {"simulation", "statespace"},
     {"inference", "comparison", "assessment", "io"},
     {"plot", "scenario", "paper"},

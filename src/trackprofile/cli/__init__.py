@@ -26,6 +26,7 @@ from trackprofile.cli.options import (
     read_as,
 )
 from trackprofile.cli.simulate import simulate
+from trackprofile.cli.vehicles import app as vehicles
 from trackprofile.errors import DataError, FileError, TrackprofileError
 
 if TYPE_CHECKING:
@@ -157,6 +158,7 @@ def _only_of(method: Method, **given: object) -> None:
 
 app.command()(calibrate)
 app.command()(simulate)
+app.add_typer(vehicles, name="vehicles")
 
 
 @app.command()

@@ -77,7 +77,7 @@ def presets(kind: Kind) -> tuple[str, ...]:
     Examples
     --------
     >>> presets("vehicle")
-    ('quarter-car', 'velaro')
+    ('high-speed', 'intercity-coach', 'light-rail', 'locomotive', 'manchester-benchmark', 'multiple-unit', ...)
     """
     named = sorted(path.stem for path in (_PRESETS / kind).glob("*.toml"))
     return (RIGID, *named) if kind == "track" else tuple(named)

@@ -1,0 +1,86 @@
+"""How a vehicle swings by itself: natural frequencies and damping on a rigid, level track."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.vehicle import Vehicle, assemble
+
+Array = NDArray[np.float64]
+
+TAKES_PART = 0.1
+"""Share of a mode's kinetic energy from which a motion is named."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode.
+
+    Parameters
+    ----------
+    frequency : |λ|/2π of its eigenvalue [Hz]
+    damping_ratio : -Re λ/|λ| [-]; 1 where it creeps back without swinging
+    motions : the (part, motion) that share its kinetic energy, the greatest first
+    """
+
+    frequency: float
+    damping_ratio: float
+    motions: tuple[tuple[str, str], ...]
+
+    @property
+    def words(self) -> str:
+        """Such as ``leading bogie heave, trailing bogie heave``."""
+        return ", ".join(" ".join(one) for one in self.motions)
+
+
+def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
+    """The modes with all wheels held, by rising frequency.
+
+    (λ² M + λ C + K) q = 0, solved as an eigenvalue problem of twice the size.
+
+    Parameters
+    ----------
+    vehicle : any
+
+    Returns
+    -------
+    one per pair of conjugate eigenvalues, and one per real eigenvalue
+
+    Examples
+    --------
+    >>> from trackprofile.vehicle import Body, Link, Wheel
+    >>> car = Vehicle("one mass", (Body("body", 1000.0),), wheels=(Wheel("wheel", 0.0, 0.0),),
+    ...     links=(Link("spring", "body", "wheel", 0.0, 4e5, 4e3),))
+    >>> for mode in modes(car):
+    ...     print(f"{mode.frequency:.2f} Hz, {mode.damping_ratio:.2f}, {mode.words}")
+    3.18 Hz, 0.10, body heave
+    """
+    assembly = assemble(vehicle)
+    held = {wheel.name for wheel in vehicle.wheels}
+    free = [i for i, (part, _) in enumerate(assembly.degrees_of_freedom) if part not in held]
+    M, C, K = (
+        one[np.ix_(free, free)] for one in (assembly.mass, assembly.damping, assembly.stiffness)
+    )
+    n, inverse = len(free), np.linalg.inv(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, -inverse @ C]])
+    values, vectors = np.linalg.eig(A)
+    names = [assembly.degrees_of_freedom[i] for i in free]
+    found = [
+        _mode(value, np.diag(M) * np.abs(vectors[:n, i]) ** 2, names)
+        for i, value in enumerate(values)
+        if value.imag >= 0
+    ]
+    return tuple(sorted(found, key=lambda one: one.frequency))
+
+
+def _mode(value: complex, energy: Array, names: list[tuple[str, str]]) -> Mode:
+    share = energy / np.sum(energy)
+    order = [int(i) for i in np.argsort(-share, kind="stable") if share[i] > TAKES_PART]
+    return Mode(
+        float(abs(value) / (2 * np.pi)),
+        float(-value.real / abs(value)),
+        tuple(names[i] for i in order),
+    )
