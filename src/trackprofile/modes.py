@@ -77,7 +77,7 @@ def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
 
 
 def _mode(value: complex, energy: Array, names: list[tuple[str, str]]) -> Mode:
-    share = energy / np.sum(energy)
+    share = np.round(energy / np.sum(energy), 6)  # equal ones keep the vehicle's order
     order = [int(i) for i in np.argsort(-share, kind="stable") if share[i] > TAKES_PART]
     return Mode(
         float(abs(value) / (2 * np.pi)),

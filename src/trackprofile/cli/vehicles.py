@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -32,14 +33,21 @@ def list_vehicles(as_json: Json = False) -> None:
 @app.command("show")
 def show_vehicle(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="A preset, or a TOML.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="TOML", help="Write it there, to change it."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Show a vehicle's parameters with their priors and sources, and its modes on a rigid track."""
-    from trackprofile.io.model_toml import read_vehicle
+    from trackprofile.io.model_toml import check_vehicle_place, read_vehicle, write_vehicle
     from trackprofile.modes import modes
     from trackprofile.vehicle import parameter_values
 
-    car, _ = read_vehicle(vehicle)
+    car, installation = read_vehicle(vehicle)
+    if output is not None:
+        check_vehicle_place(output)
+        write_vehicle(car, installation, output)
     values, swings = parameter_values(car), modes(car)
     if as_json:
         show.as_one_object(
