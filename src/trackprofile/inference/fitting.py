@@ -18,6 +18,7 @@ from trackprofile.inference.parameters import (
     changed,
     noise_parameters,
     prior_parameters,
+    residual_parameters,
     values_of,
 )
 from trackprofile.inference.passes import Pass, short
@@ -122,7 +123,7 @@ def fitted(
 
 def nuisances(passes: Sequence[Pass], centre: Model) -> list[Parameter]:
     """The noise, and the prior's level where a profile is unknown."""
-    noise = noise_parameters(replace(centre, unmodelled=0.0))
+    noise = noise_parameters(replace(centre, unmodelled=0.0)) + residual_parameters(centre)
     if all(one.known for one in passes):
         return noise
     return [replace(one, spread=SHOWN) for one in noise] + prior_parameters(centre)

@@ -166,25 +166,29 @@ def white_noise_parameters(model: Model) -> list[Parameter]:
 
 
 def noise_parameters(model: Model) -> list[Parameter]:
-    """White noise, drift and coloured residual of each sensor, and the unmodelled acceleration."""
+    """White noise and drift of each sensor, and the unmodelled acceleration."""
     every = []
     for i, (one, white) in enumerate(
         zip(model.sensors, white_noise_parameters(model), strict=True)
     ):
-        unit = _unit(one)
         every.append(white)
         if one.drift:
-            every.append(_of_sensor(model, i, "drift", unit + "/√s", 2.0, "drift"))
-        if one.residual:
-            every += [
-                _of_sensor(model, i, f"residual {word}", unit, spread, f"residual.{word}")
-                for word, unit, spread in (
-                    ("share", "of the signal", 2.0), ("frequency", "Hz", 0.7), ("damping", "1", 0.5),
-                )
-            ]  # fmt: skip
+            every.append(_of_sensor(model, i, "drift", _unit(one) + "/√s", 2.0, "drift"))
     if model.unmodelled > 0:
         every.append(_field("unmodelled acceleration", "of the measured", 2.0, "unmodelled"))
     return every
+
+
+def residual_parameters(model: Model) -> list[Parameter]:
+    """The coloured residual of each sensor that has one."""
+    return [
+        _of_sensor(model, i, f"residual {word}", unit, spread, f"residual.{word}")
+        for i, one in enumerate(model.sensors)
+        if one.residual
+        for word, unit, spread in (
+            ("share", "of the signal", 2.0), ("frequency", "Hz", 0.7), ("damping", "1", 0.5),
+        )
+    ]  # fmt: skip
 
 
 def _unit(sensor: Sensor) -> str:
