@@ -15,19 +15,22 @@ from trackprofile.sensor import Sensor
 from trackprofile.simulation.drive import Drive, steady
 from trackprofile.simulation.simulate import Run, felt, simulate
 from trackprofile.spectrum import Spectrum
+from trackprofile.track import Track
 
 VELARO = read_vehicle("velaro")[0]
+LAYERED = read_track("zhai-layered")
 STEADY = steady(150 / 3.6)
 STEP, SAMPLING = 1e-3, 500.0  # s, Hz
 
 
 def recorded(
-    length: float, seed: int, spectrum: Spectrum, sensors: Sequence[Sensor], drive: Drive = STEADY
-) -> tuple[xr.Dataset, xr.Dataset]:
-    """The full model's signals with noise, every 2 ms, and the unloaded profile."""
-    irregularity = random(spectrum, seed, 1.5, 300.0, length=length + 500.0)
+    length: float, seed: int, spectrum: Spectrum, sensors: Sequence[Sensor], drive: Drive = STEADY,
+    *, track: Track = LAYERED, shortest: float = 1.5,
+) -> tuple[xr.Dataset, xr.Dataset]:  # fmt: skip
+    """The simulation's signals with noise, every 2 ms, and the unloaded profile, of waves from ``shortest`` m."""
+    irregularity = random(spectrum, seed, shortest, 300.0, length=length + 500.0)
     run = Run(0.0, length, drive, run_in=200.0, every=round(1 / SAMPLING / STEP))
-    made = simulate(VELARO, read_track("zhai-layered"), irregularity, run, newmark(STEP))
+    made = simulate(VELARO, track, irregularity, run, newmark(STEP))
     generator = np.random.default_rng(seed)
     channels = []
     for sensor in sensors:

@@ -142,9 +142,13 @@ WELL_TOLD = 0.1  # standard error of a logarithm
 def test_one_sensor_at_varying_speed_determines_what_its_information_says(name: str) -> None:
     found = []
     for seed in range(1, PASSES + 1):
-        recording, _ = recorded(800.0, seed, FRA_5, [ALONE[name]], BRAKING)
+        recording, _ = recorded(
+            800.0, seed, FRA_5, [ALONE[name]], BRAKING, track=ZHAI, shortest=0.6
+        )
         start = wrong_by_30_percent(seed)
-        found.append(calibrate(recording, start, track=TRACK, parameters=SOUGHT, anyway=True))
+        found.append(
+            calibrate(recording, start, track=ZHAI, prior=FRA_5, parameters=SOUGHT, anyway=True)
+        )
     said = np.array([[one.standard_error / one.value for one in each.estimates] for each in found])
     errors = np.array([[np.log1p(error) for error in off(each).values()] for each in found])
     for i, one in enumerate(found[0].estimates):

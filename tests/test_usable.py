@@ -164,3 +164,24 @@ def test_marginal_information_is_the_inverse_of_the_joint_covariance() -> None:
     whole, precision = root @ root.T, np.array([0.0, 0.0, 1.0, 2.0, 3.0])
     joint = np.linalg.inv(whole + np.diag(precision))
     assert np.linalg.inv(marginal(whole, precision, 2)) == pytest.approx(joint[:2, :2])
+
+
+def test_low_pass_of_the_fastest_band_is_that_of_the_model() -> None:
+    """A pure tone through the thinning has the gain and phase of the model's own Butterworth."""
+    time = np.arange(0.0, 20.0, 0.004)
+    for frequency in (2.0, 15.0, 30.0):
+        channel = Channel(
+            "a", np.sin(2 * np.pi * frequency * time), "vertical acceleration", "leading bogie", 0.0
+        )
+        run = build_recording(
+            [channel], time=time, distance=40.0 * time, speed=np.full(time.size, 40.0)
+        )
+        thin = limited(measured(run, Installation()), [30.0])
+        assert thin.low_pass == (15.0,)
+        assert thin.motion.time.size == pytest.approx(20.0 * 75.0, rel=0.12)
+        s = 1j * frequency / 15.0
+        gain = 1 / (s**2 + np.sqrt(2) * s + 1)
+        expected = np.imag(gain * np.exp(2j * np.pi * frequency * thin.motion.time))
+        valid = thin.valid[:, 0]
+        assert valid.mean() > 0.98
+        assert np.abs(thin.signals[valid, 0] - expected[valid]).max() < 3e-3

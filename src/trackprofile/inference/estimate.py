@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from trackprofile.bands import BANDS, FILTER_NAME, Band, band_pass, edge_distance
-from trackprofile.contracts import Quality, build_profile, channels, with_provenance
+from trackprofile.bands import BANDS, FILTER_NAME, Band, band_pass
+from trackprofile.contracts import build_profile, channels, with_provenance
 from trackprofile.inference.correction import beyond_reduced
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
@@ -27,22 +27,17 @@ from trackprofile.inference.measured import (
     start_of,
 )
 from trackprofile.inference.noise import find_noise
+from trackprofile.inference.quality import quality, unexplained_samples
 from trackprofile.inference.ride import Ride
 from trackprofile.inference.sensitivity import by_the_vehicle
-from trackprofile.inference.smoother import knot_variance, prior_draws, smooth
+from trackprofile.inference.smoother import innovations, knot_variance, prior_draws, smooth
 from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
-from trackprofile.spectrum import Spectrum, markov
+from trackprofile.spectrum import Spectrum
 from trackprofile.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-SLOW = 3.0
-"""m/s, below which accelerations of the track's long waves drown in any sensor's drift."""
-
-UNINFORMED = 0.7
-"""Share of the prior's standard deviation in D1 from which a place counts as not measured."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +145,10 @@ def estimate(
     profiles, simulated = prior_draws(prepared, draws, generator)
     together = np.concatenate([row_signals(data, found, ride), simulated], axis=1)
     smoothed = smooth(prepared, together)
+    surprise = (
+        innovations(prepared, together[:, :1]) / np.sqrt(prepared.innovation_variance)[:, None]
+    )
+    unexplained = unexplained_samples(data, ride, surprise[:, 0], smoothed.residual[:, 0])
     progress("smoothing", 0.8)
     place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
     elevation = smoothed.elevation[:, 0]
@@ -174,7 +173,7 @@ def estimate(
         method="smoother",
         standard_deviation=spread[inside],
         band_standard_deviations={name: values[inside] for name, values in bands.items()},
-        quality=_quality(place, bands, data, found, ride)[inside],
+        quality=quality(place, bands, data, found, ride, unexplained)[inside],
         loading=loading(track),
         vehicle=vehicle.name,
     )
@@ -223,46 +222,6 @@ def _local_rms(draws: Array, spacing: float, band: Band) -> Array:
     """Root mean square over the draws, and along one longest wavelength to make up for their number."""
     count = max(1, round(band.longest / spacing))
     return np.sqrt(uniform_filter1d(np.mean(draws**2, axis=0), count, mode="nearest"))
-
-
-def _quality(
-    place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride
-) -> NDArray[np.int8]:
-    """Flags of every knot."""
-    run = moved(data, model).distance
-    flags = np.zeros(len(place), np.int8)
-    flags[~_seen(place, run[data.valid.any(axis=1)], model)] |= Quality.GAP
-    if "D1" in bands:
-        unmeasured = _prior_spread(model.spectrum, ride, BANDS[0])
-        flags[bands["D1"] > UNINFORMED * unmeasured] |= Quality.UNCERTAIN
-    edge = edge_distance(BANDS[0])
-    flags[(place < run[0] + edge) | (place > run[-1] - edge)] |= Quality.EDGE
-    flags[np.interp(place, run, data.motion.speed) < SLOW] |= Quality.SLOW
-    return flags
-
-
-def _seen(place: Array, sampled: Array, model: Model) -> NDArray[np.bool_]:
-    """Where some wheel ran within a metre of a valid sample."""
-    seen = np.zeros(len(place), bool)
-    for wheel in model.vehicle.wheels:
-        at = sampled - wheel.position
-        nearest = (
-            np.clip(np.searchsorted(at, place), 1, len(at) - 1)
-            if len(at) > 1
-            else np.zeros(len(place), int)
-        )
-        distance = np.minimum(np.abs(at[nearest] - place), np.abs(at[nearest - 1] - place))
-        seen |= distance <= 1.0
-    return seen
-
-
-def _prior_spread(spectrum: Spectrum, ride: Ride, band: Band) -> float:
-    """Standard deviation of the prior in a band, m."""
-    process = markov(spectrum, ride.spacing)
-    omega = np.linspace(2 * np.pi / band.longest, 2 * np.pi / band.shortest, 400)
-    turn = np.exp(-1j * omega * ride.spacing)
-    density = process.innovation / np.abs(1 - process.a1 * turn - process.a2 * turn**2) ** 2
-    return float(np.sqrt(np.trapezoid(density, omega) * ride.spacing / np.pi))
 
 
 def _reproduced(

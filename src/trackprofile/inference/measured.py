@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from trackprofile.bands import runs
 from trackprofile.contracts import Channel, channels
 from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.ride import Ride, build_ride
@@ -31,6 +32,9 @@ USUAL = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee
 LOCAL = 50.0
 """m to each side over which the strength of a signal is taken."""
 
+FLAT = 3
+"""Samples in a row."""
+
 TINY = 1e-30
 """Of a signal that is constant, which then has no local strength either."""
 
@@ -45,7 +49,9 @@ class Measured:
     sensors : one per channel
     signals, valid : (n, sensors)
     step : (sensors,), in which each signal was recorded, 0 if as good as continuous
+    saturated : (n, sensors), samples at the end of a sensor's range, which are not valid
     limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
+    low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
     """
 
     motion: Motion
@@ -53,7 +59,9 @@ class Measured:
     signals: Array
     valid: NDArray[np.bool_]
     step: Array
+    saturated: NDArray[np.bool_]
     limits: Array | None = None
+    low_pass: tuple[float | None, ...] = ()
 
 
 def measured(recording: xr.Dataset, installation: Installation) -> Measured:
@@ -61,11 +69,44 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
     parts = channels(recording)
     valid = np.stack([np.asarray(channel.valid, bool) for channel in parts], axis=1)
     signals = np.stack([channel.values for channel in parts], axis=1)
+    saturated = np.stack(
+        [at_end_of_range(channel.values, v) for channel, v in zip(parts, valid.T, strict=True)],
+        axis=1,
+    )
+    valid &= ~saturated
     steps = [recorded_step(channel.values[valid[:, i]]) for i, channel in enumerate(parts)]
     sensors = tuple(_sensor(channel, installation.sensors) for channel in parts)
     return Measured(
-        motion(recording), sensors, np.where(valid, signals, 0.0), valid, np.array(steps)
+        motion(recording), sensors, np.where(valid, signals, 0.0), valid, np.array(steps), saturated
     )
+
+
+def at_end_of_range(values: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Samples, (n,), at the end of a sensor's range: the greatest or the least of all, ``FLAT`` times or more in a row.
+
+    A signal that is recorded in coarse steps stays at its greatest value too, but comes there and leaves by single
+    steps; one that is cut off arrives with its whole slope.
+
+    Examples
+    --------
+    >>> signal = np.sin(np.arange(40) / 3.0)
+    >>> int(at_end_of_range(signal, np.ones(40, bool)).sum())
+    0
+    >>> int(at_end_of_range(np.clip(signal, -2.0, 0.8), np.ones(40, bool)).sum())
+    8
+    """
+    found = np.zeros(len(values), bool)
+    known = values[valid]
+    step = recorded_step(known)
+    for end in (np.max(known), np.min(known)) if len(known) else ():
+        for run in runs(valid & (values == end)):
+            beside = [
+                values[i] for i in (run.start - 1, run.stop) if 0 <= i < len(values) and valid[i]
+            ]
+            far = max((abs(value - end) for value in beside), default=0.0)
+            if run.stop - run.start >= FLAT and far > 1.5 * step:
+                found[run] = True
+    return found
 
 
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
@@ -110,6 +151,16 @@ def own_acceleration(sensors: Sequence[Sensor], motion: Motion) -> Array:
     return np.outer(motion.acceleration, [sensor.gain_across for sensor in sensors])
 
 
+def filtered_sensors(data: Measured, model: Model) -> tuple[Sensor, ...]:
+    """The model's sensors, with the low-passes that the signals went through."""
+    if not data.low_pass:
+        return model.sensors
+    return tuple(
+        replace(sensor, bandwidth=frequency) if frequency else sensor
+        for sensor, frequency in zip(model.sensors, data.low_pass, strict=True)
+    )
+
+
 def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
     """The ride of the model's vehicle through the recorded motion.
 
@@ -127,7 +178,9 @@ def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
         )
     loud = loudness(data)
     shaking = unmodelled_deviation(data, model)
-    system = state_space(model.vehicle, model.track, model.sensors, shaking, tuple(loud))
+    system = state_space(
+        model.vehicle, model.track, filtered_sensors(data, model), shaking, tuple(loud)
+    )
     ride = build_ride(system, along, data.valid, KNOT_SPACING)
     if system.disturbance.shape[1] > 0:
         local = np.interp(ride.bay_position, along.distance, local_loudness(data, loud))
@@ -203,7 +256,8 @@ def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> St
         one.residual.share * v if one.residual else 0.0
         for one, v in zip(model.sensors, loud, strict=True)
     ]
-    low_passes = [v if one.bandwidth else 0.0 for one, v in zip(model.sensors, loud, strict=True)]
+    behind = filtered_sensors(data, model)
+    low_passes = [v if one.bandwidth else 0.0 for one, v in zip(behind, loud, strict=True)]
     kinds = system.disturbance.shape[1] - sum(value > 0 for value in residuals)
     filters = [most * unmodelled_deviation(data, model)] * kinds
     filters += [most * float(value) for value in residuals if value]

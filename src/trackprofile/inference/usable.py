@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
-from scipy.signal import fftconvolve, kaiserord, welch
+from scipy.signal import butter, fftconvolve, kaiserord, sosfilt, welch
 
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured, Model, moved
@@ -25,6 +26,15 @@ SAMPLES_PER_PERIOD = 2.5
 
 RIPPLE = 60.0
 """dB by which the cut leaves less than this of what is above, and changes what is below by less."""
+
+LOW_PASS = 0.5 * FITTED_UP_TO
+"""Hz, of the gentle low-pass: a sixteenth of the amplitude is left at twice the highest frequency used."""
+
+FINER = 8
+"""Points per sample, at which the low-pass is run: it then is what it is in continuous time."""
+
+FORGOTTEN = 9.2
+"""Decay times of the low-pass, after which 1e-4 is left."""
 
 INSIDE = 0.995
 """Weight of valid samples in a kept one."""
@@ -168,6 +178,10 @@ def _even(data: Measured, i: int, interval: float) -> tuple[Array, Array, Array]
 def limited(data: Measured, highest: Sequence[float]) -> Measured:
     """The signals without what lies above some frequency each, at as many samples as that takes.
 
+    Where noise is all that lies above, it is cut off sharply. Where the track still speaks there, but the model of it
+    does not hold (``FITTED_UP_TO``), a sharp cut would leave a hole that the model does not expect, and the vehicle
+    would be bent to make one: there the signal goes through a gentle low-pass that the model goes through too.
+
     Parameters
     ----------
     highest : (sensors,), Hz
@@ -177,23 +191,31 @@ def limited(data: Measured, highest: Sequence[float]) -> Measured:
     signals, valid = data.signals.copy(), data.valid.copy()
     step, limits = data.step.copy(), np.full(len(highest), np.inf)
     kept = np.zeros(len(time), bool)
+    low_pass: list[float | None] = [None] * len(highest)
     for i, frequency in enumerate(highest):
         apart = 1 / (SAMPLES_PER_PERIOD * frequency)
         if apart < 1.5 * interval:
             kept |= valid[:, i]
             continue
-        signals[:, i], clean = _cut(data, i, interval, frequency)
         chosen = np.zeros(len(time), bool)
         chosen[_apart(time, apart)] = True
+        if frequency < FITTED_UP_TO:
+            signals[:, i], clean = _cut(data, i, interval, frequency)
+            limits[i] = 1.25 * frequency
+        elif data.sensors[i].bandwidth is None:
+            signals[:, i], clean = _low_passed(data, i, interval)
+            low_pass[i] = LOW_PASS
+        else:
+            clean = valid[:, i]
         valid[:, i] = clean & chosen & valid[:, i]
-        limits[i] = 1.25 * frequency
         step[i] *= np.sqrt(interval / apart)
         kept |= chosen
     m = data.motion
     motion = Motion(m.time[kept], m.distance[kept], m.speed[kept], m.acceleration[kept])
     return replace(
-        data, motion=motion, signals=signals[kept], valid=valid[kept], step=step, limits=limits
-    )
+        data, motion=motion, signals=signals[kept], valid=valid[kept], step=step, limits=limits,
+        saturated=data.saturated[kept], low_pass=tuple(low_pass),
+    )  # fmt: skip
 
 
 def _apart(time: Array, least: float) -> NDArray[np.intp]:
@@ -215,6 +237,22 @@ def _cut(
     through = fftconvolve(signal - mean * weight, kernel, mode="same") + mean
     time = data.motion.time
     return np.interp(time, even, through), np.interp(time, even, share) > INSIDE
+
+
+def _low_passed(data: Measured, i: int, interval: float) -> tuple[Array, NDArray[np.bool_]]:
+    """A signal through the model's own low-pass, l̈ + √2 ω l̇ + ω² l = ω² y, and where it has forgotten the invalid."""
+    even, signal, weight = _even(data, i, interval)
+    fine = np.linspace(even[0], even[-1], FINER * (len(even) - 1) + 1)
+    mean = np.sum(signal) / max(np.sum(weight), 1.0)
+    sections = butter(2, LOW_PASS, fs=1 / (fine[1] - fine[0]), output="sos")
+    moving = CubicSpline(even, signal - mean * weight)(fine)
+    through = np.asarray(sosfilt(sections, moving), np.float64)[::FINER] + mean
+    memory = FORGOTTEN / (2 * np.pi * LOW_PASS / np.sqrt(2))
+    # Before the first sample nothing is known either.
+    bad = np.concatenate([[even[0]], even[weight <= INSIDE]])
+    time = data.motion.time
+    since = time - bad[np.searchsorted(bad, time, side="right") - 1]
+    return np.interp(time, even, through), since > memory
 
 
 def _sinc(taps: int, beta: float, cut: float) -> Array:
