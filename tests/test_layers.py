@@ -17,7 +17,7 @@ LAYERS = (
     {"errors"},
     {"units"},
     {"contracts", "bands", "motion", "spectrum", "irregularity", "integrate"},
-    {"vehicle", "track", "sensor", "search", "limits"},
+    {"vehicle", "track", "sensor", "search", "limits", "location"},
     {"instrument", "receptance", "modes"},
     {"simulation", "statespace"},
     {"inference", "comparison", "assessment", "io"},

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from trackprofile.bands import BANDS, Band, band_pass_pieces, obstacle, resample, runs
-from trackprofile.contracts import Quality
+from trackprofile.contracts import known_elevation
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
@@ -136,14 +136,6 @@ def compare(
         to_m=last if to_m is None else min(last, to_m),
         notes=notes,
     )
-
-
-def known_elevation(profile: xr.Dataset) -> Array:
-    """A profile's elevation, NaN at every point that is flagged as a gap [m]."""
-    elevation = profile["elevation"].to_numpy()
-    if "quality" not in profile:
-        return elevation
-    return np.where(profile["quality"].to_numpy() & Quality.GAP, np.nan, elevation)
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,11 @@ class Section:
     classes: QualityClasses | None
 
     @property
+    def length(self) -> float:
+        """From start to end [m]."""
+        return self.end - self.start
+
+    @property
     def quality_class(self) -> str:
         """The most probable class; empty without classes."""
         return max(self.probabilities, key=self.probabilities.__getitem__, default="")

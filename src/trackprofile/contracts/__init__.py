@@ -16,6 +16,7 @@ from trackprofile.contracts.profile import KINDS as KINDS
 from trackprofile.contracts.profile import LOADINGS as LOADINGS
 from trackprofile.contracts.profile import Quality as Quality
 from trackprofile.contracts.profile import build_profile as build_profile
+from trackprofile.contracts.profile import known_elevation as known_elevation
 from trackprofile.contracts.profile import validate_profile as validate_profile
 from trackprofile.contracts.recording import QUANTITIES as QUANTITIES
 from trackprofile.contracts.recording import Channel as Channel

@@ -8,7 +8,7 @@ from enum import IntFlag
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.rows import (
     check_finite,
@@ -143,3 +143,11 @@ def validate_profile(profile: xr.Dataset) -> xr.Dataset:
     if profile.attrs["kind"] == "posterior" and "standard_deviation" not in spreads:
         raise DataError("A posterior needs its standard_deviation; without it, it is a point.")
     return profile
+
+
+def known_elevation(profile: xr.Dataset) -> NDArray[np.float64]:
+    """A profile's elevation, NaN at every point that is flagged as a gap [m]."""
+    elevation = profile["elevation"].to_numpy()
+    if "quality" not in profile:
+        return elevation
+    return np.where(profile["quality"].to_numpy() & Quality.GAP, np.nan, elevation)

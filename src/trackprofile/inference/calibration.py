@@ -58,6 +58,11 @@ BAND_FOUND = 0.25
 LEAST_BAND = 2.0
 """Hz: the bounce of a body lies below."""
 
+ONE_SENSOR = (
+    "one sensor tells the vehicle by what changes with speed, and only if the track's spectrum has the shape of the "
+    "prior: state it if you know it"
+)
+
 FAR = 3.0
 """Standard deviations of the prior, from which an estimate counts as at the edge of it."""
 
@@ -171,6 +176,8 @@ def calibrate(
         progress("finding the origin", 0.0)
         start = _with_best_origin(passes, given, wanted)
     fit = _fit(passes, start, wanted, parameters is not None, anyway, notes, progress)
+    if len(start.sensors) == 1 and not any(one.known for one in passes):
+        notes.append(ONE_SENSOR)
     model = _with_noise(passes, fit, installation, notes, progress)
     notes += _doubts(start, fit)
     parts, _ = explained([one.data for one in passes], fit.model)

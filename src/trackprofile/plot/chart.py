@@ -11,8 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.bands import D1, D2, Band, band_pass_pieces, resample, runs
-from trackprofile.comparison import known_elevation
-from trackprofile.contracts import Channel, channels
+from trackprofile.contracts import Channel, channels, known_elevation
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]

@@ -1,0 +1,179 @@
+"""Results as tables of plain columns, each with its unit in its name, for files and pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from trackprofile.assessment.assess import Assessment
+from trackprofile.assessment.defects import Defect
+from trackprofile.assessment.sections import Section
+from trackprofile.limits import Action
+from trackprofile.location import Way
+
+Table = dict[str, list[Any]]
+"""Columns of equal length, by name."""
+
+_MILLI = 1e3
+
+
+def tables(found: Assessment, way: Way) -> dict[str, Table]:
+    """All tables of an assessment, by name: ``defects``, ``sections``, ``not_assessed``, ``spectra``.
+
+    Examples
+    --------
+    >>> from trackprofile.assessment import assess
+    >>> from trackprofile.contracts import build_profile
+    >>> from trackprofile.limits import DefectLimits, Limits
+    >>> distance = np.arange(0.0, 400.0, 0.25)
+    >>> dip = -0.04 * np.exp(-0.5 * ((distance - 200) / 2) ** 2)
+    >>> rule = DefectLimits("D1", 0.0, 50.0, "ours", True, {Action.ALERT: 0.01})
+    >>> found = assess(build_profile(distance, dip, kind="truth"), Limits("ours", (rule,)), 40.0)
+    >>> made = tables(found, Way())
+    >>> made["defects"]["peak_kilometre"], made["defects"]["exceeded"]
+    ([0.2], ['alert'])
+    """
+    return {
+        "defects": defect_table(found.defects, found, way),
+        "sections": section_table(found.sections, found, way),
+        "not_assessed": _columns(
+            [
+                {
+                    "band": one.band,
+                    "start_m": one.start,
+                    "end_m": one.end,
+                    "start_kilometre": _kilometre(way, one.start),
+                    "end_kilometre": _kilometre(way, one.end),
+                    "reasons": one.reasons.words,
+                }
+                for one in found.not_assessed
+            ],
+            ("band", "start_m", "end_m", "start_kilometre", "end_kilometre", "reasons"),
+        ),
+        "spectra": _columns(
+            [
+                {
+                    "start_m": one.start,
+                    "end_m": one.end,
+                    "nearest_spectrum": one.spectrum,
+                    "difference_dB": one.difference_db,
+                    "level_dB": one.level_db,
+                }
+                for one in found.spectra
+            ],
+            ("start_m", "end_m", "nearest_spectrum", "difference_dB", "level_dB"),
+        ),
+    }
+
+
+def defect_table(defects: Sequence[Defect], found: Assessment, way: Way) -> Table:
+    """Of isolated defects, in the order given."""
+    rows = []
+    for one in defects:
+        north, east = way.coordinates(one.peak)
+        row: dict[str, Any] = {
+            "band": one.band,
+            "start_m": one.start,
+            "peak_m": one.peak,
+            "end_m": one.end,
+            "length_m": one.length,
+            "peak_kilometre": _kilometre(way, one.peak),
+            "latitude_deg": _number(north),
+            "longitude_deg": _number(east),
+            "height_mm": _MILLI * one.height,
+            "standard_deviation_mm": _MILLI * one.deviation,
+            "exceeded": words(one.exceeded),
+            "likely": words(one.likely),
+        }
+        for action in Action:
+            name = action.name.lower()
+            height = one.limits.heights.get(action)
+            row[f"limit_{name}_mm"] = None if height is None else _MILLI * height
+            row[f"probability_{name}"] = one.probabilities.get(action)
+        rows.append(row | {"obliges_to": duty(one, found), "limits_verified": one.limits.verified})
+    names = ["band", "start_m", "peak_m", "end_m", "length_m", "peak_kilometre", "latitude_deg"]
+    names += ["longitude_deg", "height_mm", "standard_deviation_mm", "exceeded", "likely"]
+    for action in Action:
+        names += [f"limit_{action.name.lower()}_mm", f"probability_{action.name.lower()}"]
+    return _columns(rows, [*names, "obliges_to", "limits_verified"])
+
+
+def section_table(sections: Sequence[Section], found: Assessment, way: Way) -> Table:
+    """Of standard deviations per section, in the order given."""
+    classes = list(dict.fromkeys(name for one in sections for name in one.probabilities))
+    rows = []
+    for one in sections:
+        row: dict[str, Any] = {
+            "band": one.band,
+            "start_m": one.start,
+            "end_m": one.end,
+            "length_m": one.length,
+            "start_kilometre": _kilometre(way, one.start),
+            "end_kilometre": _kilometre(way, one.end),
+            "assessed_share": one.assessed_share,
+            "standard_deviation_mm": _MILLI * one.standard_deviation,
+            "low_mm": _MILLI * one.low,
+            "high_mm": _MILLI * one.high,
+            "of_estimate_mm": _MILLI * one.of_estimate,
+            "quality_class": one.quality_class,
+        }
+        row |= {f"probability_{name}": one.probabilities.get(name) for name in classes}
+        rows.append(
+            row | {"classes_verified": None if one.classes is None else one.classes.verified}
+        )
+    names = ["band", "start_m", "end_m", "length_m", "start_kilometre", "end_kilometre"]
+    names += ["assessed_share", "standard_deviation_mm", "low_mm", "high_mm", "of_estimate_mm"]
+    names += ["quality_class", *(f"probability_{name}" for name in classes), "classes_verified"]
+    return _columns(rows, names)
+
+
+def duty(defect: Defect, found: Assessment) -> str:
+    """What a defect obliges to, in the words of the limits; empty if to nothing."""
+    action = defect.likely
+    if action is None or found.limits.duties is None:
+        return ""
+    return found.limits.duties.words.get(action, "")
+
+
+def words(action: Action | None) -> str:
+    """Of an action; empty for none."""
+    return "" if action is None else action.words
+
+
+def geojson(found: Assessment, way: Way) -> dict[str, Any]:
+    """The defects as points of a map (RFC 7946), those whose place is known.
+
+    Examples
+    --------
+    See `trackprofile.io.result_tables.write_geojson`, which writes it.
+    """
+    table = defect_table(found.defects, found, way)
+    features = []
+    for i, (north, east) in enumerate(
+        zip(table["latitude_deg"], table["longitude_deg"], strict=True)
+    ):
+        if north is None or east is None:
+            continue
+        properties = {name: column[i] for name, column in table.items()}
+        features.append(
+            {
+                "type": "Feature",
+                "geometry": {"type": "Point", "coordinates": [round(east, 7), round(north, 7)]},
+                "properties": properties,
+            }
+        )
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _columns(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
+    return {name: [row[name] for row in rows] for name in names}
+
+
+def _kilometre(way: Way, distance: float) -> float:
+    return round(float(way.kilometres(distance)), 4)
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
