@@ -7,6 +7,7 @@ variance is Σ Σ b' r r b' / (Σ b'²)², the score's long-run variance (Newey 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from trackprofile.bands import Band, band_pass_pieces, resample
-from trackprofile.contracts import known_elevation
+from trackprofile.contracts import Quality, build_profile, known_elevation
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
@@ -32,10 +33,12 @@ DRIFT = 2.0
 SEEN = Band("alignment", 3.0, 70.0)
 """Wavelengths by which profiles are aligned: longer ones say little of a place."""
 
+_SPREAD = "standard_deviation"
+
 LIKE = 0.5
 """Correlation of two windows, below which they do not tell a lag."""
 
-_MEMORY = 25.0  # m over which the residual hangs together
+_MEMORY = SEEN.longest  # m over which the residual hangs together
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Alignment:
 
     Parameters
     ----------
-    distance : middles of the windows, in the first profile's distance (n) [m]
+    distance : middles of windows and the two ends, in the first profile's distance (n) [m]
     lag : there (n) [m]
     deviation : standard deviation of it (n) [m]
     """
@@ -65,6 +68,46 @@ class Alignment:
         own = profile["distance"].to_numpy()
         first = own - np.interp(own, self.distance + self.lag, self.lag)
         return profile.assign_coords(distance=("distance", first, profile["distance"].attrs))
+
+
+def on_common_grid(profiles: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """All profiles at the places of the first that all of them know, a gap in one being a gap in all.
+
+    A band's filter feels where a profile ends: of ends that differ it would make a change.
+    """
+    first = profiles[0]["distance"].to_numpy()
+    start = max(float(one["distance"][0]) for one in profiles)
+    end = min(float(one["distance"][-1]) for one in profiles)
+    grid = first[(first >= start) & (first <= end)]
+    levels = [resample(one["distance"], known_elevation(one), grid) for one in profiles]
+    unknown = np.isnan(levels).any(axis=0)
+    return [
+        _at(one, grid, np.where(unknown, np.nan, level))
+        for one, level in zip(profiles, levels, strict=True)
+    ]
+
+
+def _at(profile: xr.Dataset, grid: Array, level: Array) -> xr.Dataset:
+    """A profile on another grid, with the level it has there."""
+    own = profile["distance"].to_numpy()
+    nearest = np.searchsorted((own[1:] + own[:-1]) / 2, grid)
+    flags = profile["quality"].to_numpy()[nearest]
+    spreads = {
+        str(name): np.interp(grid, own, profile[name])
+        for name in profile.data_vars
+        if str(name).startswith(_SPREAD)
+    }
+    return build_profile(
+        grid,
+        level,
+        kind=profile.attrs["kind"],
+        standard_deviation=spreads.pop(_SPREAD, None),
+        band_standard_deviations={
+            name.removeprefix(f"{_SPREAD}_"): values for name, values in spreads.items()
+        },
+        quality=np.where(np.isnan(level), flags | Quality.GAP, flags),
+        vehicle=profile.attrs["vehicle"],
+    )
 
 
 def align(profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LARGEST) -> Alignment:
@@ -90,7 +133,7 @@ def align(profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LA
         )
     distance, lags, deviations = [], [], []
     count = min(round(WINDOW / spacing), grid.size)
-    for start in range(0, grid.size - count + 1, max(count // 2, 1)):
+    for start in range(0, grid.size - count + 1, count):
         told = _window_lag(a, b, slice(start, start + count), whole, spacing)
         if told:
             distance.append(float(grid[start : start + count].mean()))
@@ -101,32 +144,34 @@ def align(profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LA
             f"{name}: in no window of {WINDOW:g} m does it look like the first profile; the two are of other track, "
             "or too rough to compare."
         )
-    at = np.array(distance)
-    return Alignment(at, *_smooth_lag(at, np.array(lags), np.array(deviations)))
+    wanted = np.unique([grid[0], *distance, grid[-1]])
+    return _smooth_lag(np.array(distance), np.array(lags), np.array(deviations), wanted)
 
 
-def _smooth_lag(distance: Array, lag: Array, deviation: Array) -> tuple[Array, Array]:
-    """The lag as a random walk along the line, given each window's, and its standard deviation.
+def _smooth_lag(distance: Array, lag: Array, deviation: Array, wanted: Array) -> Alignment:
+    """The lag as a random walk about a straight line, given each window's.
 
     How fast it walks is what makes the windows' lags most probable: where track changed, a window is misled, says so
     by its deviation, and is overruled by its neighbours.
     """
-    apart = np.abs(distance[:, None] - distance) / WINDOW
-    noise, centre = np.diag(deviation**2), np.average(lag, weights=1 / deviation**2)
-    best, found = -np.inf, (lag, deviation)
+    # A wheel worn otherwise makes the lag grow evenly.
+    line = np.polyfit(distance, lag, min(1, lag.size - 1), w=1 / deviation)
+    off, every = lag - np.polyval(line, distance), np.concatenate([distance, wanted])
+    apart = np.abs(every[:, None] - every) / WINDOW
+    told = distance.size
+    best, found = -np.inf, (np.zeros(wanted.size), np.zeros(wanted.size))
     for walk in np.geomspace(1e-4, 1.0, 13):
         variogram = 0.5 * walk**2 * apart
         # Only differences count in a walk: its level may vary by any large amount.
         prior = max(1.0, float(variogram.max())) - variogram
-        factor = cho_factor(prior + noise)
-        off = lag - centre
+        factor = cho_factor(prior[:told, :told] + np.diag(deviation**2))
         logarithm = -np.sum(np.log(np.diag(factor[0]))) - 0.5 * float(off @ cho_solve(factor, off))
         if logarithm > best:
-            gain = cho_solve(factor, prior).T
-            best = logarithm
-            spread = np.diag(prior) - np.einsum("ij,ij->i", gain, prior)
-            found = (centre + gain @ off, np.sqrt(np.maximum(spread, 0.0)))
-    return found
+            best, cross = logarithm, prior[told:, :told]
+            gain = cho_solve(factor, cross.T).T
+            spread = np.diag(prior)[told:] - np.einsum("ij,ij->i", gain, cross)
+            found = (gain @ off, np.sqrt(np.maximum(spread, 0.0)))
+    return Alignment(wanted, np.polyval(line, wanted) + found[0], found[1])
 
 
 def _both(

@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from trackprofile.assessment.alignment import LARGEST, Alignment, align
+from trackprofile.assessment.alignment import LARGEST, Alignment, align, on_common_grid
 from trackprofile.assessment.levels import band_levels
 from trackprofile.assessment.trend import BandChange, Rate, Stack, rate_at, stack, trend
 from trackprofile.bands import BANDS, Band
@@ -173,7 +173,7 @@ def changes(
     alignments = {one.name: align(one.profile, first.profile, one.name, largest) for one in ordered[1:]}  # fmt: skip
     moved = [first.profile, *(alignments[one.name].moved(one.profile) for one in ordered[1:])]
     levels, notes = [], []
-    for one, profile in zip(ordered, moved, strict=True):
+    for one, profile in zip(ordered, on_common_grid(moved), strict=True):
         of_pass, said = band_levels(profile, bands)
         levels.append(of_pass)
         notes += [f"{one.name}: {sentence}" for sentence in said]

@@ -18,7 +18,7 @@ from scipy.special import ndtr
 
 from trackprofile.assessment.alignment import Alignment
 from trackprofile.assessment.levels import BandLevel
-from trackprofile.bands import Band, resample
+from trackprofile.bands import Band
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,19 +80,14 @@ class Stack:
 
 
 def stack(band: Band, levels: Sequence[BandLevel], alignments: Sequence[Alignment]) -> Stack:
-    """Put passes, the first one's first, onto one grid; a lag unsure by σ costs σ times the slope.
+    """Put passes, the first one's first and all on one grid, together; a lag unsure by σ costs σ times the slope.
 
     Most track is as it was: the median of the differences tells how the passes scatter, whatever they state.
     """
-    start = max(float(one.distance[0]) for one in levels)
-    end = min(float(one.distance[-1]) for one in levels)
     grid = levels[0].distance
-    grid = grid[(grid >= start) & (grid <= end)]
-    level = np.stack([resample(one.distance, one.level, grid) for one in levels])
-    spread = np.stack([np.interp(grid, one.distance, one.deviation) for one in levels])
-    usable = np.asarray(np.isfinite(level).all(axis=0), bool)
-    for one in levels:
-        usable &= one.assessed[np.searchsorted(one.distance[:-1], grid)]
+    level = np.stack([one.level for one in levels])
+    spread = np.stack([one.deviation for one in levels])
+    usable = np.logical_and.reduce([one.assessed for one in levels])
     stated = all(one.stated for one in levels) and bool((spread[:, usable] > 0).all())
     if not stated:
         spread = np.ones(level.shape)
