@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
-from trackprofile.assessment import assess
+from trackprofile.assessment.assess import assess
 from trackprofile.assessment.errors_in_band import Colour, colour_of
 from trackprofile.assessment.exceedance import exceedance_probability
 from trackprofile.assessment.levels import Reason, band_levels

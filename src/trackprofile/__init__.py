@@ -14,12 +14,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trackprofile.assessment.assess import assess as assess
+    from trackprofile.assessment.changes import changes as changes
     from trackprofile.comparison import compare as compare
     from trackprofile.inference.bound import limit as limit
     from trackprofile.inference.calibration import calibrate as calibrate
     from trackprofile.inference.estimate import infer as infer
     from trackprofile.io import read as read
     from trackprofile.io import write as write
+    from trackprofile.reporting import report as report
     from trackprofile.sensor import Sensor as Sensor
     from trackprofile.simulation.simulate import simulate as simulate
     from trackprofile.spectrum import Spectrum as Spectrum
@@ -37,11 +40,14 @@ _HOMES = {
     "Sensor": "sensor",
     "Spectrum": "spectrum",
     "Vehicle": "vehicle",
+    "assess": "assessment.assess",
     "calibrate": "inference.calibration",
+    "changes": "assessment.changes",
     "compare": "comparison",
     "infer": "inference.estimate",
     "limit": "inference.bound",
     "read": "io",
+    "report": "reporting",
     "simulate": "simulation.simulate",
     "write": "io",
 }
@@ -54,11 +60,14 @@ __all__ = [
     "Spectrum",
     "Vehicle",
     "__version__",
+    "assess",
     "calibrate",
+    "changes",
     "compare",
     "infer",
     "limit",
     "read",
+    "report",
     "simulate",
     "write",
 ]

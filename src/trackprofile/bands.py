@@ -21,6 +21,12 @@ from trackprofile.errors import DataError
 FILTER_NAME = "4th-order Butterworth, zero phase, -3 dB at the limits"
 """Stored with every band-passed result: figures of different filters do not compare."""
 
+FILTER_NAMES = {
+    1: FILTER_NAME,
+    2: "4th-order Butterworth, forwards and backwards, -6 dB at the limits",
+}
+"""By the number of passes: both conventions are in use."""
+
 _ORDER = 4
 _LARGEST_STEP = 3.0  # of the median step; rows farther apart are rows that are missing
 _TAIL_ENERGY = 0.0005

@@ -3,6 +3,3 @@
 `assess` judges one profile by limits; `changes` compares two or more of one place. Both give frozen
 results that hold tables: sequences of small dataclasses, in SI units.
 """
-
-from trackprofile.assessment.assess import Assessment as Assessment
-from trackprofile.assessment.assess import assess as assess

@@ -33,6 +33,9 @@ DRIFT = 2.0
 SEEN = Band("alignment", 3.0, 70.0)
 """Wavelengths by which profiles are aligned: longer ones say little of a place."""
 
+LEAST = 1e-3
+"""Standard deviation of a lag at least [m]: copies of one profile would know it for certain."""
+
 _SPREAD = "standard_deviation"
 
 LIKE = 0.5
@@ -246,7 +249,7 @@ def _window_lag(
     shift = -float(s @ residual) / power
     scores = s * (residual + s * shift)
     variance = _long_run(scores, round(_MEMORY / spacing)) / power**2
-    return step * spacing + shift, float(np.sqrt(variance))
+    return step * spacing + shift, max(float(np.sqrt(variance)), LEAST)
 
 
 def _long_run(scores: Array, memory: int) -> float:

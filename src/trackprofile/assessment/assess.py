@@ -12,7 +12,7 @@ from trackprofile.assessment.defects import Defect, find_defects
 from trackprofile.assessment.levels import BandLevel, NotAssessed, band_levels, not_assessed
 from trackprofile.assessment.roughness import Nearest, Psd, common_range, nearest, psd
 from trackprofile.assessment.sections import Section, assess_sections
-from trackprofile.bands import BANDS, FILTER_NAME, Band, resample
+from trackprofile.bands import BANDS, FILTER_NAMES, Band, resample
 from trackprofile.contracts import Quality
 from trackprofile.errors import DataError
 from trackprofile.limits import KM_H, Limits, unverified
@@ -61,7 +61,7 @@ class Assessment:
     least_probability: float
     notes: tuple[str, ...]
     about: Mapping[str, str]
-    filter: str = FILTER_NAME
+    filter: str
 
 
 def assess(
@@ -73,6 +73,7 @@ def assess(
     lengths: Sequence[float] = SECTION_LENGTHS,
     spectra: Mapping[str, Roughness] | None = None,
     least_probability: float = LEAST_PROBABILITY,
+    passes: int = 1,
 ) -> Assessment:
     """Judge a profile by the limits of its line's speed, band by band (EN 13848-5 and -6).
 
@@ -85,6 +86,7 @@ def assess(
     lengths : of sections [m]
     spectra : known spectra by name, to name the nearest to each stretch
     least_probability : that the lowest limit is exceeded, from which a defect is listed
+    passes : of the band filter, as of `bands.FILTER_NAMES`
 
     Raises
     ------
@@ -105,7 +107,7 @@ def assess(
         raise DataError(f"Speed of the line: expected above 0 km/h, got {speed / KM_H:g} km/h.")
     if not 0 < least_probability < 1:
         raise DataError(f"Least probability: expected between 0 and 1, got {least_probability:g}.")
-    levels, notes = band_levels(profile, bands)
+    levels, notes = band_levels(profile, bands, passes)
     defects, sections, untold = [], [], []
     for name, level in levels.items():
         heights, classes = limits.defects_at(name, speed), limits.classes_at(name, speed)
@@ -136,6 +138,7 @@ def assess(
             *notes,
         ),
         about={str(name): str(value) for name, value in profile.attrs.items()},
+        filter=FILTER_NAMES[passes],
     )
 
 

@@ -101,7 +101,7 @@ class BandLevel:
 
 
 def band_levels(
-    profile: xr.Dataset, bands: Sequence[Band]
+    profile: xr.Dataset, bands: Sequence[Band], passes: int = 1
 ) -> tuple[Mapping[str, BandLevel], tuple[str, ...]]:
     """The profile in each band, and one sentence per band that it cannot carry anywhere.
 
@@ -109,6 +109,7 @@ def band_levels(
     ----------
     profile : the profile contract
     bands : to filter by
+    passes : of the filter, as of `bands.band_pass`; a stated standard deviation is that of one pass
 
     Raises
     ------
@@ -130,7 +131,7 @@ def band_levels(
         if reason:
             notes.append(f"{reason}: it is not assessed")
             continue
-        level = band_pass_pieces(elevation, spacing, band)
+        level = band_pass_pieces(elevation, spacing, band, passes)
         levels[band.name] = BandLevel(
             band,
             grid,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from trackprofile.assessment.assess import Assessment
+from trackprofile.assessment.changes import Changes
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.sections import Section
 from trackprofile.limits import Action
@@ -24,7 +25,7 @@ def tables(found: Assessment, way: Way) -> dict[str, Table]:
 
     Examples
     --------
-    >>> from trackprofile.assessment import assess
+    >>> from trackprofile.assessment.assess import assess
     >>> from trackprofile.contracts import build_profile
     >>> from trackprofile.limits import DefectLimits, Limits
     >>> distance = np.arange(0.0, 400.0, 0.25)
@@ -147,7 +148,7 @@ def geojson(found: Assessment, way: Way) -> dict[str, Any]:
 
     Examples
     --------
-    See `trackprofile.io.result_tables.write_geojson`, which writes it.
+    See `docs/assessment.md`.
     """
     table = defect_table(found.defects, found, way)
     features = []
@@ -177,3 +178,55 @@ def _kilometre(way: Way, distance: float) -> float:
 
 def _number(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def change_table(found: Changes, way: Way) -> Table:
+    """Of places that changed between passes."""
+    rows = []
+    for one in found.places:
+        row: dict[str, Any] = {
+            "band": one.band,
+            "start_m": one.start,
+            "peak_m": one.peak,
+            "end_m": one.end,
+            "peak_kilometre": _kilometre(way, one.peak),
+            "change_mm": _MILLI * one.change,
+            "standard_deviation_mm": _MILLI * one.deviation,
+            "level_mm": _MILLI * one.level,
+            "per_day_mm": None if one.per_day is None else _MILLI * one.per_day,
+            "per_day_standard_deviation_mm": None
+            if one.per_day_deviation is None
+            else _MILLI * one.per_day_deviation,
+        }
+        dates = {each.action: each for each in one.reached}
+        for action in Action:
+            each = dates.get(action)
+            for name in ("earliest", "median", "latest"):
+                day = getattr(each, name) if each else None
+                row[f"{action.name.lower()}_{name}"] = None if day is None else day.isoformat()
+        rows.append(row)
+    names = ["band", "start_m", "peak_m", "end_m", "peak_kilometre", "change_mm"]
+    names += ["standard_deviation_mm", "level_mm", "per_day_mm", "per_day_standard_deviation_mm"]
+    names += [
+        f"{action.name.lower()}_{name}"
+        for action in Action
+        for name in ("earliest", "median", "latest")
+    ]
+    return _columns(rows, names)
+
+
+def repeatability_table(found: Changes) -> Table:
+    """Of how passes repeat each other, per band."""
+    rows = [
+        {
+            "band": one.band,
+            "kind": "repeatability" if one.same_vehicle else "reproducibility",
+            "difference_95_mm": _MILLI * one.difference,
+            "to_stay_below_mm": None if one.limit is None else _MILLI * one.limit,
+            "pairs": one.pairs,
+            "limit_verified": None if one.required is None else one.required.verified,
+        }
+        for one in found.repeatabilities
+    ]
+    names = ["band", "kind", "difference_95_mm", "to_stay_below_mm", "pairs", "limit_verified"]
+    return _columns(rows, names)

@@ -15,6 +15,7 @@ import typer
 
 from trackprofile import __version__
 from trackprofile.cli import show
+from trackprofile.cli.assess import assess, changes, report
 from trackprofile.cli.calibrate import calibrate
 from trackprofile.cli.options import (
     From,
@@ -158,6 +159,9 @@ def _only_of(method: Method, **given: object) -> None:
 
 app.command()(calibrate)
 app.command()(simulate)
+app.command()(assess)
+app.command()(report)
+app.command()(changes)
 app.add_typer(vehicles, name="vehicles")
 
 

@@ -1,0 +1,235 @@
+"""`trackprofile assess`, `report` and `changes`: from profiles to what they oblige to."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trackprofile.cli import show
+from trackprofile.cli.options import From, Json, To, read_as
+from trackprofile.errors import DataError, FileError
+
+if TYPE_CHECKING:
+    from trackprofile.assessment.assess import Assessment
+    from trackprofile.assessment.changes import Changes, Pass
+    from trackprofile.limits import Limits
+    from trackprofile.location import Way
+
+TABLES = ("defects", "sections", "not_assessed", "spectra")
+CHANGE_TABLES = ("changes", "repeatability")
+
+Profile = Annotated[Path, typer.Argument(metavar="PROFILE", help=".nc, .csv or .parquet.")]
+Speed = Annotated[str, typer.Option("--speed", metavar="SPEED", help='Of the line: "160 km/h".')]
+LimitsName = Annotated[
+    str, typer.Option("--limits", metavar="L", help="A preset such as en-13848, or a TOML.")
+]
+WayFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--way", metavar="TABLE", help="Kilometre posts and coordinates, .csv or .parquet."
+    ),
+]
+FilterPasses = Annotated[
+    int,
+    typer.Option("--passes", min=1, max=2, help="Of the band filter: 2 is forwards and backwards."),
+]
+Dated = Annotated[
+    list[str], typer.Argument(metavar="PROFILE=DAY...", help="Such as may.nc=2026-05-31.")
+]
+
+
+def assess(
+    profile: Profile,
+    speed: Speed,
+    limits: LimitsName = "en-13848",
+    way: WayFile = None,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help=".csv, .parquet or .geojson. Repeatable.",
+        ),
+    ] = None,
+    from_m: From = None,
+    to_m: To = None,
+    passes: FilterPasses = 1,
+    as_json: Json = False,
+) -> None:
+    """Judge a profile by limits: defects with their probability, standard deviations, classes."""
+    from trackprofile.assessment.tables import geojson, tables
+    from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
+    from trackprofile.reporting.summary import headline, summary
+
+    along = _way(way)
+    wanted = output or []
+    for path in wanted:
+        if path.suffix.lower() != MAP:
+            table_files(path, TABLES)
+        elif not along.has_coordinates:
+            raise DataError(
+                f"{path}: a map needs latitude and longitude; give a --way that has them."
+            )
+    found = _assessed(profile, limits, speed, from_m, to_m, passes)
+    made = tables(found, along)
+    files: list[Path] = []
+    for path in wanted:
+        if path.suffix.lower() == MAP:
+            files.append(write_geojson(geojson(found, along), path))
+        else:
+            files += write_tables(made, path)
+    said = [headline(found, along), *summary(found, along)]
+    if as_json:
+        about = {"summary": said, "notes": list(found.notes), "filter": found.filter}
+        show.as_one_object({"files": list(map(str, files))} | about | made)
+        return
+    show.note([f"{note}." for note in found.notes])
+    for sentence in said:
+        show.say(sentence)
+    if files:
+        show.say(f"Tables in {', '.join(map(str, files))}.")
+
+
+def report(
+    profile: Profile,
+    speed: Speed,
+    output: Annotated[
+        list[Path],
+        typer.Option("-o", "--output", metavar="FILE", help=".html or .pdf. Repeatable."),
+    ],
+    limits: LimitsName = "en-13848",
+    way: WayFile = None,
+    title: Annotated[str, typer.Option(help="Of the report.")] = "Track report",
+    beside: Annotated[
+        Path | None,
+        typer.Option(metavar="PROFILE", help="Another profile of the place, drawn and compared."),
+    ] = None,
+    earlier: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PROFILE=DAY", help="An earlier pass, for the change. Repeatable."),
+    ] = None,
+    day: Annotated[
+        str | None, typer.Option(metavar="DAY", help="Of PROFILE, with --earlier.")
+    ] = None,
+    from_m: From = None,
+    to_m: To = None,
+    passes: FilterPasses = 1,
+    as_json: Json = False,
+) -> None:
+    """Write a report that needs no network: what is wrong, where, how sure, what it obliges to."""
+    from trackprofile.reporting import report as write_report
+    from trackprofile.reporting import report_files
+    from trackprofile.reporting.summary import headline, summary
+
+    report_files(*output)
+    along = _way(way)
+    found = _assessed(profile, limits, speed, from_m, to_m, passes)
+    other = None if beside is None else _assessed(beside, limits, speed, from_m, to_m, passes)
+    changed = None
+    if earlier or day:
+        if not (earlier and day):
+            raise DataError(
+                "A change needs both --earlier PROFILE=DAY and the --day of the profile."
+            )
+        all_passes = [_dated(one) for one in (*earlier, f"{profile}={day}")]
+        changed = _changed(all_passes, limits, speed)
+    sources = {"profile file": profile.name, "limits file": limits}
+    files = write_report(
+        found, *output, title=title, way=along, sources=sources, beside=other,
+        beside_name="" if beside is None else beside.name, changes=changed,
+    )  # fmt: skip
+    said = [headline(found, along), *summary(found, along)]
+    if as_json:
+        show.as_one_object(
+            {"files": list(map(str, files)), "summary": said, "notes": list(found.notes)}
+        )
+        return
+    show.note([f"{note}." for note in found.notes])
+    for sentence in said:
+        show.say(sentence)
+    show.say(f"Report in {', '.join(map(str, files))}.")
+
+
+def changes(
+    profiles: Dated,
+    speed: Annotated[
+        str | None, typer.Option(metavar="SPEED", help="Of the line, for the dates of limits.")
+    ] = None,
+    limits: LimitsName = "en-13848",
+    way: WayFile = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help=".csv or .parquet, a file per table."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say what changed between passes over the same place, how fast, and when a limit is reached."""
+    from trackprofile.assessment.tables import change_table, repeatability_table
+    from trackprofile.io.result_tables import table_files, write_tables
+    from trackprofile.reporting.summary import changes_summary
+
+    if output is not None:
+        table_files(output, CHANGE_TABLES)
+    along = _way(way)
+    found = _changed([_dated(one) for one in profiles], limits, speed)
+    made = {"changes": change_table(found, along), "repeatability": repeatability_table(found)}
+    files = () if output is None else write_tables(made, output)
+    said = changes_summary(found, along)
+    if as_json:
+        about: dict[str, Any] = {"summary": said, "notes": list(found.notes)}
+        show.as_one_object({"files": list(map(str, files))} | about | made)
+        return
+    show.note([f"{note}." for note in found.notes])
+    for sentence in said:
+        show.say(sentence)
+    if files:
+        show.say(f"Tables in {', '.join(map(str, files))}.")
+
+
+def _way(path: Path | None) -> Way:
+    from trackprofile.io.way_table import read_way
+    from trackprofile.location import Way
+
+    return Way() if path is None else read_way(path)
+
+
+def _assessed(
+    path: Path, limits: str, speed: str, from_m: float | None, to_m: float | None, passes: int
+) -> Assessment:
+    from trackprofile.assessment.assess import assess as judge
+    from trackprofile.contracts import between
+    from trackprofile.io.limits_toml import read_limits
+    from trackprofile.io.model_toml import presets, read_roughness
+    from trackprofile.units import quantity
+
+    rules = read_limits(limits)
+    profile = between(read_as(path, "profile"), from_m, to_m)
+    spectra = {name: read_roughness(name) for name in presets("spectrum")}
+    return judge(profile, rules, quantity(speed, "speed"), spectra=spectra, passes=passes)
+
+
+def _dated(text: str) -> Pass:
+    """A pass of PROFILE=DAY."""
+    from trackprofile.assessment.changes import Pass
+
+    path, _, day = text.rpartition("=")
+    try:
+        when = date.fromisoformat(day)
+    except ValueError as error:
+        raise FileError(
+            f"{text}: expected a profile and its day, such as may.nc=2026-05-31, got {text!r}."
+        ) from error
+    return Pass(read_as(Path(path), "profile"), when, Path(path).name)
+
+
+def _changed(passes: list[Pass], limits: str, speed: str | None) -> Changes:
+    from trackprofile.assessment.changes import changes as compared
+    from trackprofile.io.limits_toml import read_limits
+    from trackprofile.units import quantity
+
+    rules: Limits = read_limits(limits)
+    return compared(passes, rules, None if speed is None else quantity(speed, "speed"))

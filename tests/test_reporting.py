@@ -1,0 +1,289 @@
+"""The report: in words, as a page in a real browser, for print; and the commands that make it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trackprofile.assessment.assess import assess
+from trackprofile.assessment.tables import geojson, tables
+from trackprofile.bands import BANDS, D1, D2
+from trackprofile.cli import main
+from trackprofile.contracts import Quality, build_profile
+from trackprofile.errors import FileError
+from trackprofile.io import write
+from trackprofile.io.limits_toml import read_limits
+from trackprofile.io.model_toml import read_spectrum
+from trackprofile.irregularity import random
+from trackprofile.limits import Action
+from trackprofile.location import Way
+from trackprofile.reporting import report
+from trackprofile.reporting.strips import chart_data
+from trackprofile.reporting.summary import summary
+
+EN, KM_H = read_limits("en-13848"), 1 / 3.6
+SPEED = 140 * KM_H
+BROWSER = (
+    shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+)
+WAY = Way([0.0, 3000.0], [40.0, 37.0], [0.0, 3000.0], [47.0, 47.02], [8.0, 8.01])
+
+
+def profile_of(length: float, seed: int = 1, deviation: float = 3e-4, gap: bool = True):
+    at = np.arange(0.0, length, 0.25)
+    level = random(read_spectrum("fra-6"), seed, 2.0, 200.0, length=length).at(at)[0]
+    dips = ((0.55, 0.045), (0.8, 0.02))
+    level -= sum(depth * np.exp(-0.5 * ((at - share * length) / 2.0) ** 2) for share, depth in dips)
+    flags = np.zeros(at.size, np.int8)
+    if gap:
+        flags[(at > 0.3 * length) & (at < 0.3 * length + 20)] = Quality.GAP
+        level = np.where(flags & Quality.GAP, np.nan, level)
+    return build_profile(
+        at,
+        level,
+        kind="posterior",
+        method="smoother",
+        standard_deviation=np.full(at.size, 5e-3),
+        band_standard_deviations={
+            band.name: np.full(at.size, factor * deviation)
+            for band, factor in zip(BANDS, (1.0, 2.0, 8.0), strict=True)
+        },
+        quality=flags,
+        vehicle="velaro",
+        provenance=["simulated"],
+    )
+
+
+@pytest.fixture(scope="module")
+def profile():
+    return profile_of(3000.0)
+
+
+@pytest.fixture(scope="module")
+def found(profile):
+    return assess(profile, EN, SPEED, spectra={"fra-6": read_spectrum("fra-6")})
+
+
+def test_words_say_the_gravest_first_with_place_size_and_chance(found) -> None:
+    said = summary(found, WAY)
+    assert re.match(
+        r"1 place calls for immediate action: km 38\.350 \(D1, \d+\.\d ± 0\.6 mm down", said[0]
+    )
+    assert "beyond 23 mm with" in said[0]
+    assert said[1].startswith("This obliges to: reduce the risk of derailment")
+    assert any(text.startswith("Judged: ") for text in said)
+
+
+def test_words_on_good_track_say_that_nothing_is_called_for() -> None:
+    at = np.arange(0.0, 500.0, 0.25)
+    flat = build_profile(at, 1e-4 * np.sin(at), kind="truth")
+    assert summary(assess(flat, EN, SPEED, bands=[D1]), Way())[0].startswith("No place calls")
+
+
+def test_tables_hold_every_defect_and_section_with_its_units(found) -> None:
+    made = tables(found, WAY)
+    assert len(made["defects"]["band"]) == len(found.defects)
+    assert len(made["sections"]["band"]) == len(found.sections)
+    deepest = int(np.argmin(made["defects"]["height_mm"]))
+    assert made["defects"]["peak_kilometre"][deepest] == pytest.approx(38.35, abs=0.01)
+    assert made["defects"]["likely"][deepest] == "immediate action"
+    assert made["defects"]["obliges_to"][deepest].startswith("reduce the risk")
+    assert set(made["not_assessed"]["reasons"]) >= {"gap", "edge"}
+    assert made["spectra"]["nearest_spectrum"] == ["fra-6"] * 3
+
+
+def test_map_has_the_defects_where_they_are(found) -> None:
+    collection = geojson(found, WAY)
+    assert len(collection["features"]) == len(found.defects)
+    one = collection["features"][0]
+    east, north = one["geometry"]["coordinates"]
+    share = one["properties"]["peak_m"] / 3000.0
+    assert (east, north) == pytest.approx((8.0 + 0.01 * share, 47.0 + 0.02 * share), abs=1e-6)
+    assert geojson(found, Way())["features"] == []
+
+
+def test_charts_hold_the_level_to_a_hundredth_of_a_millimetre(found) -> None:
+    import base64
+
+    drawn = chart_data(found, WAY, found)
+    counts = np.frombuffer(base64.b64decode(drawn["bands"][0]["level"]), "<i2")
+    level = found.levels["D1"].level
+    known = np.isfinite(level)
+    assert np.abs(counts[known] * 1e-5 - level[known]).max() <= 5.01e-6
+    assert (counts[~known] == -32768).all()
+    assert drawn["bands"][0]["beside"] == drawn["bands"][0]["level"]
+    assert drawn["kilometres"][0] == 40.0
+
+
+def test_page_holds_itself_and_what_it_says_is_escaped(found, tmp_path: Path) -> None:
+    (page,) = report(
+        found, tmp_path / "r.html", title="<Line> & more", way=WAY, beside=found, beside_name="twin"
+    )
+    text = page.read_text(encoding="utf-8")
+    assert not re.search(r"""(src|href)=["']https?:""", text)
+    assert "&lt;Line&gt; &amp; more" in text
+    assert "not verified against the standard" in text
+    assert 'href="#at=' in text
+    assert "of the same class" in text
+
+
+def test_report_is_printed_too(found, tmp_path: Path) -> None:
+    files = report(found, tmp_path / "r.pdf", tmp_path / "r.html")
+    assert files[0].read_bytes().startswith(b"%PDF")
+    assert files[0].read_bytes().count(b"/Type /Page ") >= 3
+
+
+def test_report_to_another_kind_of_file_is_refused(found, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"a report goes to a file that ends in .html, .pdf"):
+        report(found, tmp_path / "r.docx")
+    assert not list(tmp_path.iterdir())
+
+
+def browsed(page: Path, tmp_path: Path, fragment: str = "") -> tuple[str, list[str]]:
+    """The page's elements after its script ran, and what it wrote to the console."""
+    assert BROWSER is not None
+    done = subprocess.run(
+        [
+            BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0",
+            f"--user-data-dir={tmp_path / 'browser'}", "--window-size=1280,1200", "--virtual-time-budget=10000",
+            "--dump-dom", page.absolute().as_uri() + fragment,
+        ],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this system")
+def test_page_draws_in_a_real_browser_without_an_error(found, tmp_path: Path) -> None:
+    (page,) = report(found, tmp_path / "r.html", way=WAY)
+    drawn, said = browsed(page, tmp_path, "#at=1650.0&span=200")
+    assert said == []
+    assert re.search(r'data-drawn="[\d.]+"', drawn)
+    assert "km 38.450 to 38.250, 200 m" in drawn
+
+
+def run(arguments: list[str], capsys) -> tuple[int, str, str]:
+    try:
+        main(arguments)
+        code = 0
+    except SystemExit as end:
+        code = int(end.code or 0)
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_assess_command_prints_words_and_writes_tables(profile, tmp_path: Path, capsys) -> None:
+    write(profile, tmp_path / "p.nc")
+    way = tmp_path / "way.csv"
+    way.write_text(
+        "distance_m,kilometre,latitude_deg,longitude_deg\n0,40,47,8\n3000,37,47.02,8.01\n"
+    )
+    outputs = [tmp_path / name for name in ("a.csv", "a.parquet", "a.geojson")]
+    code, out, err = run(
+        ["assess", str(tmp_path / "p.nc"), "--speed", "140 km/h", "--way", str(way)]
+        + [word for path in outputs for word in ("-o", str(path))],
+        capsys,
+    )
+    assert code == 0
+    assert "1 place calls for immediate action: km 38.350" in out
+    assert "not verified" in err
+    rows = list(csv.DictReader((tmp_path / "a-defects.csv").read_text().splitlines()))
+    assert {"height_mm", "probability_alert", "obliges_to"} <= rows[0].keys()
+    assert json.loads(outputs[2].read_text())["type"] == "FeatureCollection"
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert [f"a-{one}.parquet" for one in ("defects", "not_assessed", "sections", "spectra")] == [
+        name for name in names if name.endswith(".parquet")
+    ]
+
+
+def test_assess_as_json_is_one_object(profile, tmp_path: Path, capsys) -> None:
+    write(profile, tmp_path / "p.nc")
+    code, out, _ = run(["assess", str(tmp_path / "p.nc"), "--speed", "140 km/h", "--json"], capsys)
+    made = json.loads(out)
+    assert code == 0
+    assert made["filter"].startswith("4th-order Butterworth, zero phase")
+    assert max(made["defects"][f"probability_{Action.IMMEDIATE_ACTION.name.lower()}"]) > 0.9
+
+
+def test_report_and_changes_commands(profile, tmp_path: Path, capsys) -> None:
+    before, after = tmp_path / "may.nc", tmp_path / "june.nc"
+    write(profile, before)
+    later = profile.copy()
+    at = profile["distance"].to_numpy()
+    later["elevation"] = profile["elevation"] - 0.012 * np.exp(-0.5 * ((at - 2000) / 2) ** 2)
+    write(later, after)
+    page = tmp_path / "r.html"
+    code, out, _ = run(
+        [
+            "report", str(after), "--speed", "140 km/h", "--earlier", f"{before}=2026-05-03",
+            "--day", "2026-06-02", "--beside", str(before), "-o", str(page),
+        ],
+        capsys,
+    )  # fmt: skip
+    assert code == 0
+    text = page.read_text(encoding="utf-8")
+    assert "changed from 2026-05-03 (may.nc) to 2026-06-02 (june.nc): km 2.000 (D1" in text
+    code, out, _ = run(
+        [
+            "changes",
+            f"{before}=2026-05-03",
+            f"{after}=2026-06-02",
+            "--speed",
+            "140 km/h",
+            "-o",
+            str(tmp_path / "c.csv"),
+        ],
+        capsys,
+    )
+    assert code == 0
+    assert "km 2.000 (D1" in out
+    assert "mm in 30 days" in out
+    assert (tmp_path / "c-changes.csv").is_file()
+    assert (tmp_path / "c-repeatability.csv").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["assess", "P", "--speed", "fast"], "is not a speed"),
+        (["assess", "P", "--speed", "400 km/h"], "there are none at 400 km/h"),
+        (["assess", "P", "--speed", "100 km/h", "-o", "x.xlsx"], "tables go to a file that ends in"),
+        (["assess", "P", "--speed", "100 km/h", "-o", "x.geojson"], "needs latitude and longitude"),
+        (["assess", "P", "--speed", "100 km/h", "--limits", "none"], "none"),
+        (["assess", "P", "--speed", "100 km/h", "--way", "no.csv"], "expected a table of the way"),
+        (["report", "P", "--speed", "100 km/h", "-o", "x.html", "--day", "2026-01-01"], "needs both"),
+        (["changes", "P=2026-01-01"], "needs two passes or more"),
+        (["changes", "P", "P"], "expected a profile and its day"),
+    ],
+)  # fmt: skip
+def test_wrong_use_is_one_sentence_and_nothing_is_written(
+    arguments: list[str], message: str, tmp_path: Path, capsys, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(profile_of(400.0, gap=False), tmp_path / "p.nc")
+    code, out, err = run([one.replace("P", "p.nc") for one in arguments], capsys)
+    assert code == 1
+    assert message in err
+    assert err.startswith("trackprofile: ")
+    assert err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["p.nc"]
+    assert out == ""
+
+
+def test_profile_shorter_than_a_band_is_judged_in_the_others(tmp_path: Path, capsys) -> None:
+    write(profile_of(60.0, gap=False), tmp_path / "p.nc")
+    code, _out, err = run(["assess", str(tmp_path / "p.nc"), "--speed", "140 km/h"], capsys)
+    assert code == 0
+    assert D2.name in err
+    assert "it is not assessed" in err
+    write(profile_of(20.0, gap=False), tmp_path / "q.nc")
+    code, _, err = run(["assess", str(tmp_path / "q.nc"), "--speed", "140 km/h"], capsys)
+    assert code == 1
+    assert "No band can be assessed" in err
