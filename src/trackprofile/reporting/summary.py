@@ -30,7 +30,7 @@ def summary(found: Assessment, way: Way) -> list[str]:
     >>> at = np.arange(0.0, 600.0, 0.25)
     >>> dip = build_profile(at, -0.04 * np.exp(-0.5 * ((at - 300) / 2) ** 2), kind="truth")
     >>> print(summary(assess(dip, read_limits("en-13848"), 40.0), Way())[0])
-    1 place calls for immediate action: km 0.300 (D1, 26.1 mm down, beyond 23 mm with 100 %).
+    1 place calls for immediate action: km 0.300 (D1, 26.3 mm down, beyond 23 mm with 100 %).
     """
     said = []
     for action in sorted(Action, reverse=True):
