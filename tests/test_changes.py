@@ -12,6 +12,7 @@ import xarray as xr
 
 from full_track_recording import LAYERED, SAMPLING, STEP, VELARO
 from trackprofile.assessment.alignment import align
+from trackprofile.assessment.assess import assess
 from trackprofile.assessment.changes import Changes, Pass, changes
 from trackprofile.bands import BANDS, D1, band_pass, gain
 from trackprofile.contracts import Channel, build_profile, build_recording
@@ -231,3 +232,39 @@ def test_a_settlement_of_3_mm_over_12_m_is_told_from_repeat_passes() -> None:
         )
     assert np.abs(located).max() < 2.0
     assert false <= 2  # of 10 pairs; one in twenty each
+
+
+DEPTHS, SEEDS = (0.0, 0.004, 0.006, 0.010), 20
+
+
+@pytest.mark.acceptance
+def test_chance_of_detecting_a_settlement_rises_with_its_depth() -> None:
+    """The manual's table: found within 6 m of its place, by one pass against limits and by two passes."""
+    limits, speed = read_limits("en-13848"), 140 * KM_H
+    rates = []
+    for depth in DEPTHS:
+        alone, between = [], []
+        for seed in range(1, SEEDS + 1):
+            before = inferred(200 + seed, 0.0, 150 * KM_H, 0.0, 2 * seed)
+            after = inferred(200 + seed, depth, 130 * KM_H, 4.6, 2 * seed + 1)
+            judged = assess(after, limits, speed, bands=[D1])
+            alone.append(
+                any(
+                    one.likely and abs(one.peak - 254.6) < 6.0 and one.height < 0
+                    for one in judged.defects
+                )
+            )
+            passes = [
+                Pass(before, FIRST, "before"),
+                Pass(after, FIRST + timedelta(days=30), "after"),
+            ]
+            found = changes(passes, bands=[D1])
+            between.append(any(abs(one.peak - 250.0) < 6.0 for one in found.places))
+        rates.append((float(np.mean(alone)), float(np.mean(between))))
+        sys.stdout.write(
+            f"{1e3 * depth:g} mm: one pass beyond alert {rates[-1][0]:.0%}, two passes changed {rates[-1][1]:.0%}\n"
+        )
+    single, double = np.array(rates).T
+    assert (np.diff(single) >= 0).all()
+    assert double[0] <= 0.05
+    assert (double[1:] >= 0.95).all()

@@ -9,15 +9,21 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+import xarray as xr
 
+from trackprofile.assessment.assess import assess
 from trackprofile.comparison import Comparison, compare
 from trackprofile.contracts import between, build_profile
 from trackprofile.inference.calibration import Calibration, calibrate
 from trackprofile.inference.estimate import infer
 from trackprofile.io import read
+from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
+from trackprofile.location import Way
+from trackprofile.reporting.written import Report, differences
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hokuriku"
 JUDGED = {"from_m": 1400.0, "to_m": 2100.0}
@@ -50,10 +56,15 @@ def calibration(folder: Path, level) -> Calibration:
 
 
 @pytest.fixture(scope="module")
-def judged(folder: Path, level, calibration: Calibration) -> dict[int, Comparison]:
-    """By passes of the band filter; the profile is inferred beyond what was calibrated on."""
+def profile(folder: Path, calibration: Calibration) -> xr.Dataset:
+    """Inferred beyond what was calibrated on."""
     beyond = between(read(folder / "recording.toml"), 1080.0, None)
-    profile = infer(beyond, calibration.vehicle, installation=calibration.installation)
+    return infer(beyond, calibration.vehicle, installation=calibration.installation)
+
+
+@pytest.fixture(scope="module")
+def judged(profile: xr.Dataset, level) -> dict[int, Comparison]:
+    """By passes of the band filter."""
     return {passes: compare(profile, level, passes=passes, **JUDGED) for passes in (1, 2)}
 
 
@@ -106,6 +117,34 @@ def test_stated_intervals_hold_on_real_track(judged: dict[int, Comparison], name
     assert band is not None
     assert band.coverage_95 is not None
     assert 0.85 <= band.coverage_95 <= 0.99
+
+
+def test_report_names_the_same_sections_as_that_of_the_measured_level(profile, level) -> None:
+    limits, speed = read_limits("en-13848"), 130 / 3.6
+    found, measured = (assess(one, limits, speed) for one in (profile, level))
+    there = {(one.band, one.start, one.end): one for one in measured.sections}
+    pairs = [
+        (one, there[key])
+        for one in found.sections
+        if (key := (one.band, one.start, one.end)) in there and one.band in ("D1", "D2")
+    ]
+    inside = [one.low <= two.standard_deviation <= one.high for one, two in pairs]
+    assert len(pairs) >= 20
+    assert np.mean(inside) >= 0.85
+    apart = [
+        two
+        for one, two in pairs
+        if one.classes and two.classes and one.quality_class != two.quality_class
+    ]
+    # What differs does so at a class's bound.
+    assert len(apart) <= 2
+    assert all(
+        min(abs(one.standard_deviation - bound) for bound in one.classes.below.values()) < 1e-4
+        for one in apart
+    )
+    made = Report("a", found, Way(), {}, "0", beside=measured, beside_name="measured")
+    for sentence in differences(made):
+        sys.stdout.write(sentence + "\n")
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from trackprofile.reporting.written import Report, differences, method
 MOST_ROWS = 2000
 """Defects in the page's table, the gravest; all are in the tables that `assess` writes."""
 
+_DIGITS = {"_mm": 3, "_m": 1, "kilometre": 3}  # after the point, by how a column's name ends
 _GRAVE = ("calls for immediate", "call for immediate", "This obliges to")
 
 
@@ -204,7 +205,7 @@ def _plain(table: Table, key: str) -> str:
     heads = [name.replace("_", " ") for name in table]
     columns = list(table.values())
     rows = "".join(
-        "<tr>" + "".join(_cell(column[i]) for column in columns) + "</tr>"
+        "<tr>" + "".join(_cell(name, column[i]) for name, column in table.items()) + "</tr>"
         for i in range(min(len(columns[0]), MOST_ROWS))
     )
     return _table(heads, rows, key) + _more(len(columns[0]))
@@ -223,9 +224,10 @@ def _table(heads: Sequence[str], rows: str, key: str) -> str:
     return f'<div class="wide" tabindex="0">{table}</div>'
 
 
-def _cell(value: Any) -> str:
+def _cell(name: str, value: Any) -> str:
     if value is None:
         return '<td class="number">–</td>'
     if isinstance(value, float):
-        return f'<td class="number">{value:.6g}</td>'
+        digits = next((n for end, n in _DIGITS.items() if name.endswith(end)), 2)
+        return f'<td class="number">{value:.{digits}f}</td>'
     return f"<td>{escape(str(value))}</td>"

@@ -73,7 +73,7 @@ def _steps(provenance: str) -> list[str]:
 
 
 def differences(report: Report) -> list[str]:
-    """How the sections and defects of the other profile differ, in sentences."""
+    """How the sections and defects of the other profile differ, where both are, in sentences."""
     other = report.beside
     if other is None:
         return []
@@ -126,6 +126,10 @@ def _defects_both(found: Assessment, other: Assessment, way: Way) -> list[str]:
     ) -> bool:
         return any(one[0] == two[0] and one[1] < two[2] and two[1] < one[2] for two in others)
 
+    start, end = max(found.start, other.start), min(found.end, other.end)
+    here, there = (
+        [one for one in ones if one[1] >= start and one[2] <= end] for ones in (here, there)
+    )
     both = [one for one in here if meets(one, there)]
     only_here = [one[3] for one in here if not meets(one, there)]
     only_there = [one[3] for one in there if not meets(one, here)]
