@@ -298,6 +298,9 @@ def test_bench_measures_the_figures_that_the_readme_quotes(run: Run) -> None:
         "smoother_ms_per_m",
         "smoother_with_variance_ms_per_m",
         "memory_mb_per_km",
+        "report_50_km_s",
+        "report_50_km_peak_mb",
+        "report_50_km_page_mb",
         "help_s",
     ]
     assert all(value > 0 for value, _ in figures.values())

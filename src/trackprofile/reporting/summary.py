@@ -81,7 +81,8 @@ def _place(one: Defect, way: Way) -> str:
     way_up = "up" if one.height > 0 else "down"
     size = f"{abs(_MILLI * one.height):.1f}"
     if one.deviation:
-        size += f" ± {1.96 * _MILLI * one.deviation:.1f}"
+        wide = 1.96 * _MILLI * one.deviation
+        size += f" ± {wide:.1f}" if wide >= 0.1 else f" ± {wide:.2f}"
     return (
         f"{way.name(one.peak)} ({one.band}, {size} mm {way_up}, beyond "
         f"{_MILLI * one.limits.heights[action]:g} mm with {percent(one.probabilities[action])})"

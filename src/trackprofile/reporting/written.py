@@ -10,6 +10,7 @@ import numpy as np
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.changes import Changes
 from trackprofile.assessment.sections import Section
+from trackprofile.bands import edge_distance
 from trackprofile.limits import KM_H
 from trackprofile.location import Way
 
@@ -58,6 +59,11 @@ def method(report: Report) -> dict[str, str]:
             for name, level in found.levels.items()
         ),
         "filter": found.filter,
+        "edges": "a band is judged from "
+        + ", ".join(
+            f"{edge_distance(level.band):.0f} m ({name})" for name, level in found.levels.items()
+        )
+        + " inside an end or gap",
         "line speed": f"{found.speed / KM_H:.4g} km/h",
         "limits": f"{limits.name}; {limits.source}",
         "probability": "that the true level exceeds a limit somewhere in the defect, from the profile's stated "
