@@ -179,7 +179,7 @@ class Limits:
 
 
 def unverified(limits: Limits, bands: Sequence[str], speed: float) -> tuple[str, ...]:
-    """One sentence for each limit in use that was not verified against its source.
+    """One sentence for each limit that `assess` uses and that was not verified against its source.
 
     Parameters
     ----------
@@ -187,12 +187,25 @@ def unverified(limits: Limits, bands: Sequence[str], speed: float) -> tuple[str,
     bands : names of the bands that are assessed
     speed : of the line [m/s]
     """
-    used: list[tuple[str, DefectLimits | QualityClasses | Accuracy | Duties | None]] = []
+    used: list[tuple[str, _Rule | None]] = []
     for band in bands:
         used.append((f"isolated defects in {band}", limits.defects_at(band, speed)))
         used.append((f"quality classes in {band}", limits.classes_at(band, speed)))
-        used.append((f"repeatability in {band}", limits.accuracy(band)))
     used.append(("what the actions oblige to", limits.duties))
+    return _unverified(limits, used)
+
+
+def unverified_accuracies(limits: Limits, bands: Sequence[str]) -> tuple[str, ...]:
+    """The same for what runs may differ by, in some bands by name."""
+    return _unverified(
+        limits, [(f"repeatability in {band}", limits.accuracy(band)) for band in bands]
+    )
+
+
+_Rule = DefectLimits | QualityClasses | Accuracy | Duties
+
+
+def _unverified(limits: Limits, used: Sequence[tuple[str, _Rule | None]]) -> tuple[str, ...]:
     return tuple(
         f"Limits {limits.name!r}, {what}: not verified against the standard (source: {one.source})"
         for what, one in used
@@ -200,7 +213,7 @@ def unverified(limits: Limits, bands: Sequence[str], speed: float) -> tuple[str,
     )
 
 
-def _empty(one: DefectLimits | QualityClasses | Accuracy | Duties) -> bool:
+def _empty(one: _Rule) -> bool:
     return isinstance(one, DefectLimits) and not one.heights
 
 

@@ -21,7 +21,7 @@ from trackprofile.assessment.levels import band_levels
 from trackprofile.assessment.trend import BandChange, Rate, Stack, rate_at, stack, trend
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import DataError
-from trackprofile.limits import Accuracy, Action, Limits
+from trackprofile.limits import Accuracy, Action, Limits, unverified, unverified_accuracies
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -190,6 +190,10 @@ def changes(
         places += _places(together, change, days, first.day, heights.heights if heights else {})
         repeated += _repeatabilities(together, ordered, limits)
     notes += _untold(found)
+    if limits:
+        notes += unverified_accuracies(limits, list(found))
+        if speed:
+            notes += unverified(limits, list(found), speed)
     return Changes(
         tuple((one.name, one.day) for one in ordered),
         alignments,

@@ -73,7 +73,7 @@ def read(path: str | Path) -> xr.Dataset:
         # The libraries raise it too, without a reason of the system's, for what they cannot read.
         reason = error.strerror or "damaged or cut short; copy it again"
         raise FileError(f"{path}: cannot be read ({reason}).") from error
-    raise FileError(f"{path}: expected {', or '.join(one.NAME for one in formats)}; found neither.")
+    raise FileError(f"{path}: expected {', or '.join(one.NAME for one in formats)}; found something else.")
 
 
 def write(dataset: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
@@ -99,8 +99,8 @@ def format_to_write(kind: str, path: Path) -> Format:
     ------
     FileError : the suffix is unknown or cannot hold it.
     """
-    for one in _formats(path):
-        if kind in one.HOLDS:
+    for one in FORMATS:
+        if kind in one.HOLDS and path.suffix.lower() in one.SUFFIXES:
             return one
     suffixes = [end for one in FORMATS if kind in one.HOLDS for end in one.SUFFIXES]
     raise FileError(f"{path}: a {kind} is written to a file that ends in {', '.join(suffixes)}.")

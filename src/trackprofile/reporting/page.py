@@ -198,7 +198,7 @@ def _method(report: Report) -> str:
         f'<tr><th scope="row">{escape(name)}</th><td class="long">{escape(text)}</td></tr>'
         for name, text in method(report).items()
     )
-    return f"<h2>Method, limits, versions</h2><table><tbody>{rows}</tbody></table>"
+    return f'<h2>Method, limits, versions</h2><div class="wide"><table><tbody>{rows}</tbody></table></div>'
 
 
 def _plain(table: Table, key: str) -> str:

@@ -79,7 +79,7 @@
       pen.fillStyle = "#e8e8e8";
       pen.fillRect(Math.round(scale.x(at)), TOP, 1, height - TOP - BOTTOM);
       pen.fillStyle = "#555";
-      pen.fillText("km " + kilometre(at).toFixed(3), scale.x(at), height - 5);
+      pen.fillText("km " + kilometre(at).toFixed(3), Math.min(scale.x(at), width - 30), height - 5);
     }
   };
   const trace = (pen, levels, first, spacing, scale, y, colour) => {

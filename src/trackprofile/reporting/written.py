@@ -43,10 +43,10 @@ class Report:
 
 
 def method(report: Report) -> dict[str, str]:
-    """How the numbers came about, by name."""
+    """How the numbers came about, by name; what nobody stated is left out."""
     found, about = report.assessment, report.assessment.about
     limits = found.limits
-    return {
+    parts = {
         **report.sources,
         "profile": ", ".join(
             f"{name} {about[name]}"
@@ -72,6 +72,7 @@ def method(report: Report) -> dict[str, str]:
         "estimate itself, which is too smooth by what it does not know",
         "version": f"trackprofile {report.version}",
     }
+    return {name: text for name, text in parts.items() if text}
 
 
 def _steps(provenance: str) -> list[str]:
