@@ -132,6 +132,7 @@ def test_page_holds_itself_and_what_it_says_is_escaped(found, tmp_path: Path) ->
     assert "not verified against the standard" in text
     assert 'href="#at=' in text
     assert "of the same class" in text
+    assert text.count("<polyline") == 2  # this profile's spectrum and the known one's
 
 
 def test_report_is_printed_too(found, tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ class Assessment:
     not_assessed : stretches that were not judged, with the reason
     spectra : the nearest known spectrum of each stretch of `STRETCH`
     spectrum : of the whole profile; None where it is too short
+    known : the spectra that it was compared with, by name
     least_probability : from which defects are listed
     notes : what has to be said with every number, in sentences
     about : kind, method, loading, vehicle, provenance of the profile
@@ -58,6 +59,7 @@ class Assessment:
     not_assessed: tuple[NotAssessed, ...]
     spectra: tuple[Nearest, ...]
     spectrum: Psd | None
+    known: Mapping[str, Roughness]
     least_probability: float
     notes: tuple[str, ...]
     about: Mapping[str, str]
@@ -130,6 +132,7 @@ def assess(
         not_assessed=tuple(one for level in levels.values() for one in not_assessed(level)),
         spectra=stretches,
         spectrum=whole,
+        known=spectra or {},
         least_probability=least_probability,
         notes=(
             *unverified(limits, list(levels), speed),

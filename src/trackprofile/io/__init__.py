@@ -73,7 +73,9 @@ def read(path: str | Path) -> xr.Dataset:
         # The libraries raise it too, without a reason of the system's, for what they cannot read.
         reason = error.strerror or "damaged or cut short; copy it again"
         raise FileError(f"{path}: cannot be read ({reason}).") from error
-    raise FileError(f"{path}: expected {', or '.join(one.NAME for one in formats)}; found something else.")
+    raise FileError(
+        f"{path}: expected {', or '.join(one.NAME for one in formats)}; found something else."
+    )
 
 
 def write(dataset: xr.Dataset, path: str | Path) -> tuple[Path, ...]:

@@ -12,6 +12,7 @@ from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.tables import Table, change_table, duty, tables, words
 from trackprofile.limits import Action
+from trackprofile.reporting.density import drawing
 from trackprofile.reporting.strips import chart_data
 from trackprofile.reporting.summary import changes_summary, gravity, headline, percent, summary
 from trackprofile.reporting.written import Report, differences, method
@@ -37,6 +38,7 @@ def html(report: Report) -> str:
         _charts(found, report),
         _defects(report),
         _sections(report),
+        _spectrum(report),
         _changes(report),
         _beside(report),
         _quality(report),
@@ -150,9 +152,8 @@ def _defect(one: Defect, report: Report) -> str:
 
 def _sections(report: Report) -> str:
     made = tables(report.assessment, report.way)
-    spectra = _plain(made["spectra"], "spectra") if made["spectra"]["start_m"] else ""
     if not made["sections"]["start_m"]:
-        return spectra
+        return ""
     kept = {
         name: made["sections"][name]
         for name in (
@@ -160,13 +161,21 @@ def _sections(report: Report) -> str:
             "quality_class", "assessed_share",
         )
     }  # fmt: skip
+    return f"<h2>Sections</h2>{_plain(kept, 'sections')}"
+
+
+def _spectrum(report: Report) -> str:
+    found = report.assessment
+    if found.spectrum is None:
+        return ""
+    table = tables(found, report.way)["spectra"]
     near = (
-        "<h2>Nearest known spectrum</h2>"
-        f"<p>Per kilometre; the difference is the root mean square over third octaves.</p>{spectra}"
-        if spectra
+        "<p>The nearest of the known spectra, per kilometre; the difference is the root mean square over third "
+        f"octaves.</p>{_plain(table, 'spectra')}"
+        if table["start_m"]
         else ""
     )
-    return f"<h2>Sections</h2>{_plain(kept, 'sections')}{near}"
+    return f"<h2>Spectrum</h2>{drawing(found.spectrum, found.known)}{near}"
 
 
 def _changes(report: Report) -> str:
