@@ -24,7 +24,7 @@ TICKS = (3.0, 5.0, 10.0, 25.0, 50.0, 70.0)  # m
 
 
 def drawing(found: Psd, known: Mapping[str, Roughness]) -> str:
-    """Density of the profile and of the nearest known ones over the wavelength, both logarithmic; Ω rises to the right."""
+    """Density of the profile and of the nearest known ones over the wavelength; both axes are logarithmic."""
     omega = found.spatial_frequency
     every_line = {name: np.asarray(one.density(omega)) for name, one in known.items()}
     nearest = sorted(
