@@ -46,6 +46,7 @@ def found_of(recording: xr.Dataset, truth: xr.Dataset, name: str, **given) -> tu
     return one.value, one.standard_error
 
 
+@pytest.mark.acceptance
 def test_gain_of_a_sensor_is_found_over_a_known_profile(made) -> None:
     recording, truth = made
     loud = changed(recording, ACCELERATION, 1.03 * recording[ACCELERATION].to_numpy())
@@ -55,6 +56,7 @@ def test_gain_of_a_sensor_is_found_over_a_known_profile(made) -> None:
     assert error < 0.003
 
 
+@pytest.mark.acceptance
 def test_wheel_that_has_worn_is_found_over_a_known_profile(made) -> None:
     recording, truth = made
     worn = changed(recording, "speed", 1.004 * recording["speed"].to_numpy())
