@@ -173,12 +173,12 @@ def test_a_profile_carries_its_uncertainty_and_flags() -> None:
         quality=flags,
     )
     assert profile["standard_deviation_D1"].attrs["units"] == "m"
-    assert profile["quality"].dtype == np.int8
+    assert profile["quality"].dtype == np.int16
     np.testing.assert_array_equal(profile["quality"], flags)
     assert profile["quality"].attrs["flag_meanings"] == (
-        "gap uncertain edge slow unconverged saturated unexplained"
+        "gap uncertain edge slow unconverged saturated unexplained faulty"
     )
-    np.testing.assert_array_equal(profile["quality"].attrs["flag_masks"], 2 ** np.arange(7))
+    np.testing.assert_array_equal(profile["quality"].attrs["flag_masks"], 2 ** np.arange(8))
 
 
 def test_an_elevation_may_be_missing_in_a_gap_only() -> None:

@@ -158,7 +158,7 @@ def test_recording_that_does_not_fit_the_vehicle_is_refused(
         infer(rebuilt(recording, channels=roof), VELARO)
 
 
-def test_drift_of_a_sensor_is_told_from_long_waves_and_widens_their_intervals(
+def test_drift_of_a_sensor_is_found_and_widens_the_intervals_of_long_waves(
     made: tuple[xr.Dataset, xr.Dataset],
 ) -> None:
     recording, truth = made
@@ -180,7 +180,8 @@ def test_drift_of_a_sensor_is_told_from_long_waves_and_widens_their_intervals(
         assert band is not None
         assert band.stated_rms_mm is not None
         results.append((band.rms_error_mm, band.stated_rms_mm))
-    (error_without, stated_without), (error, stated) = results
-    assert error < 0.6 * error_without
-    assert error_without > 5 * stated_without
+    (error_found, stated_found), (error, stated) = results
+    # A drift that nobody stated is found by itself, and costs as much.
+    assert error_found < 1.2 * error
+    assert stated_found == pytest.approx(stated, rel=0.3)
     assert 0.5 < error / stated < 2.0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from trackprofile.conditioning.faults import at_end_of_range
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.estimate import estimate
-from trackprofile.inference.measured import at_end_of_range
 from trackprofile.inference.quality import felt_at
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.motion import motion
@@ -62,7 +62,7 @@ def test_sensor_at_the_end_of_its_range_is_left_out_and_flagged(recording: xr.Da
     end = 0.7 * float(np.abs(channels(recording)[0].values).max())
     clipped = with_acceleration(recording, lambda at, values: np.clip(values, -end, end))
     values = channels(clipped)[0].values
-    beyond = at_end_of_range(values, np.ones(values.size, bool))
+    beyond = at_end_of_range(values)
     assert 3 <= beyond.sum() <= np.sum(np.abs(values) == end)
     at = motion(clipped).distance[beyond]
     places = flagged(clipped, Quality.SATURATED)
@@ -71,7 +71,7 @@ def test_sensor_at_the_end_of_its_range_is_left_out_and_flagged(recording: xr.Da
 
 def test_coarse_steps_are_no_end_of_a_range() -> None:
     slow = np.round(3.0 * np.sin(np.arange(4000) / 150.0)) / 3.0
-    assert not at_end_of_range(slow, np.ones(slow.size, bool)).any()
+    assert not at_end_of_range(slow).any()
 
 
 def test_a_sensor_feels_the_wheels_under_what_it_stands_on() -> None:

@@ -16,10 +16,10 @@ from trackprofile.inference.ride import Ride, Steps, build_ride, cut_into_steps
 from trackprofile.inference.smoother import (
     Filter,
     error_draws,
-    knot_variance,
     prepare,
     smooth,
     start_of_ride,
+    variances,
 )
 from trackprofile.motion import Motion
 from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
@@ -179,7 +179,7 @@ def test_smoother_is_the_dense_batch_solution(
         found.elevation, elevation, rtol=0, atol=1e-8 * np.max(np.abs(elevation))
     )
     spread = np.einsum("ki,ij,kj->k", whole.knots, posterior, whole.knots)
-    np.testing.assert_allclose(knot_variance(one.filter), spread, rtol=1e-8)
+    np.testing.assert_allclose(variances(one.filter).elevation, spread, rtol=1e-8)
     likelihood = -0.5 * (
         np.linalg.slogdet(2 * np.pi * S)[1] + y[:, 0] @ np.linalg.solve(S, y[:, 0])
     )
@@ -188,11 +188,28 @@ def test_smoother_is_the_dense_batch_solution(
     np.testing.assert_allclose(found.residual, left, rtol=0, atol=1e-8 * np.max(np.abs(left)))
 
 
+@pytest.mark.parametrize("unmodelled", [0.0, 0.05])
+def test_samples_and_offsets_are_judged_by_the_likelihood_without_them(unmodelled: float) -> None:
+    one = problem(ElasticTrack(8e7, 3e4), unmodelled, 2)
+    whole, y, ride = dense(one), one.signals, one.ride
+    S = whole.A @ whole.P @ whole.A.T + np.diag(one.filter.variance)
+    found, judged = smooth(one.filter, y), variances(one.filter)
+    np.testing.assert_allclose(judged.precision, np.diag(np.linalg.inv(S)), rtol=1e-7)
+    for bay in (0, 7, len(ride.F) - 2):
+        for sensor in range(2):
+            later = np.arange(len(ride.rows)) >= ride.first_row[bay + 1]
+            jump = np.where(later & (ride.sensors == sensor), 1.0, 0.0)
+            slope = jump @ np.linalg.solve(S, y[:, 0])
+            assert found.offset_score[bay, sensor] == pytest.approx(slope, rel=1e-6)
+            expected = jump @ np.linalg.solve(S, jump)
+            assert judged.offset_precision[bay, sensor] == pytest.approx(expected, rel=1e-6)
+
+
 def test_draws_of_the_error_have_the_posteriors_variance() -> None:
     one = problem(RigidTrack(), 0.05, 2)
     draws = error_draws(one.filter, 20_000, np.random.default_rng(3))
     # Relative error of a variance from m draws is √(2/m) = 1 %; four of them.
-    np.testing.assert_allclose(np.var(draws, axis=1), knot_variance(one.filter), rtol=0.04)
+    np.testing.assert_allclose(np.var(draws, axis=1), variances(one.filter).elevation, rtol=0.04)
 
 
 @settings(max_examples=20)
@@ -215,7 +232,9 @@ def test_ride_shifted_by_whole_knots_shifts_the_profile(knots: int) -> None:
         smooth(here.filter, here.signals).elevation,
         atol=1e-9,
     )
-    np.testing.assert_allclose(knot_variance(there.filter), knot_variance(here.filter), rtol=1e-7)
+    np.testing.assert_allclose(
+        variances(there.filter).elevation, variances(here.filter).elevation, rtol=1e-7
+    )
 
 
 def test_signals_pass_side_by_side_as_they_do_alone() -> None:

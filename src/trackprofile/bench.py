@@ -24,7 +24,7 @@ from trackprofile.contracts import build_profile
 from trackprofile.inference.cross_entropy import cross_entropy
 from trackprofile.inference.measured import KNOT_SPACING
 from trackprofile.inference.ride import build_ride
-from trackprofile.inference.smoother import knot_variance, prepare, smooth, start_of_ride
+from trackprofile.inference.smoother import prepare, smooth, start_of_ride, variances
 from trackprofile.integrate import newmark
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import (
@@ -189,7 +189,7 @@ def _smooth(length: float, variance: bool) -> None:
     signals = np.random.default_rng(0).standard_normal((len(ride.rows), 1))
     smooth(prepared, signals)
     if variance:
-        knot_variance(prepared)
+        variances(prepared)
 
 
 def _in_one_thread(figures: str) -> list[Result]:

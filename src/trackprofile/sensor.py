@@ -16,6 +16,10 @@ UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s"}
 # 10 mg and 0.6 °/s (facts: zero-g and zero-rate offsets of the parts listed there).
 OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01}
 
+# What parts of that price do in a minute as they warm up: 0.8 mm/s² (80 µg) and 8 °/h (facts: bias instabilities and
+# temperature coefficients). At 10 m/s it takes nothing from waves up to 70 m.
+DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6}
+
 
 @dataclass(frozen=True)
 class Residual:
@@ -55,7 +59,7 @@ class Sensor:
     bandwidth : Hz, where the sensor's own filter cuts off; None: the sampling sets it
     offset : standard deviation of the unknown offset at the start, m/s² or rad/s; None: a usual one
     drift : of that offset, a random walk, m/s² or rad/s per √s; its noise exceeds the white one below
-        drift/(√2 π noise_density) Hz. None: the offset is constant
+        drift/(√2 π noise_density) Hz. None: a usual one
     gain : reading per quantity
     tilt : rad nose-up, of an accelerometer in the vehicle's vertical plane: it reads
         gain (cos(tilt) z̈ + sin(tilt) s̈), s̈ the train's own acceleration
@@ -112,6 +116,11 @@ class Sensor:
     def offset_standard_deviation(self) -> float:
         """The stated spread of the offset, or the usual one of that quantity."""
         return OFFSET[self.quantity] if self.offset is None else self.offset
+
+    @property
+    def drift_rate(self) -> float:
+        """The stated drift, or the usual one of that quantity."""
+        return DRIFT[self.quantity] if self.drift is None else self.drift
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,8 @@ class Quality(IntFlag):
     """A sensor was at the end of its range."""
     UNEXPLAINED = 64
     """The model does not explain what was recorded here."""
+    FAULTY = 128
+    """Faulty samples were left out or weighted down here; the uncertainty says what that costs."""
 
 
 def build_profile(
@@ -98,12 +100,12 @@ def build_profile(
         put(dataset, "standard_deviation", "distance", standard_deviation, metre)
     for band, values in (band_standard_deviations or {}).items():
         put(dataset, f"standard_deviation_{band}", "distance", values, metre)
-    flags = np.zeros(dataset.sizes["distance"], np.int8) if quality is None else quality
+    flags = np.zeros(dataset.sizes["distance"], np.int16) if quality is None else quality
     described = {
-        "flag_masks": np.array(list(Quality), np.int8),
+        "flag_masks": np.array(list(Quality), np.int16),
         "flag_meanings": " ".join(str(flag.name).lower() for flag in Quality),
     }
-    put(dataset, "quality", "distance", flags, described, np.int8)
+    put(dataset, "quality", "distance", flags, described, np.int16)
     return validate_profile(dataset)
 
 

@@ -339,7 +339,7 @@ def _profile(
     model: Trial, march: _March, search: Search, vehicle: Vehicle, track: Track, seed: int,
     notes: tuple[str, ...],
 ) -> xr.Dataset:  # fmt: skip
-    quality = np.zeros(march.decided, np.int8)
+    quality = np.zeros(march.decided, np.int16)
     for one in march.phases:
         if not one.solved:
             quality[one.first : one.first + one.kept] |= Quality.UNCONVERGED

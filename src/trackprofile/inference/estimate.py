@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from trackprofile.bands import BANDS, FILTER_NAME, Band, band_pass
+from trackprofile.conditioning.faults import Fault
 from trackprofile.contracts import build_profile, channels, with_provenance
 from trackprofile.inference.correction import beyond_reduced
+from trackprofile.inference.doubted import doubted, marked, single_outliers, told
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
     KNOT_SPACING,
@@ -21,16 +23,18 @@ from trackprofile.inference.measured import (
     loading,
     measured,
     moved,
-    prepared_filter,
     ride_of,
     row_signals,
+    row_variance,
     start_of,
+    walk_of,
 )
 from trackprofile.inference.noise import find_noise
 from trackprofile.inference.quality import quality, unexplained_samples
 from trackprofile.inference.ride import Ride
+from trackprofile.inference.robust import settle
 from trackprofile.inference.sensitivity import by_the_vehicle
-from trackprofile.inference.smoother import innovations, knot_variance, prior_draws, smooth
+from trackprofile.inference.smoother import innovations, prior_draws, smooth
 from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum
@@ -52,6 +56,7 @@ class Estimate:
     model : with the noise and prior that were used
     notes : what was found or assumed, in sentences
     log_likelihood : of the recording
+    faults : what was found wrong with the recording, and left out or weighted down
     """
 
     profile: xr.Dataset
@@ -60,6 +65,7 @@ class Estimate:
     model: Model
     notes: tuple[str, ...]
     log_likelihood: float
+    faults: tuple[Fault, ...] = ()
 
     @property
     def figures(self) -> dict[str, float]:
@@ -139,26 +145,27 @@ def estimate(
     )
     system, ride = ride_of(data, found)
     progress("smoothing", 0.2)
-    prepared = prepared_filter(data, found, ride, start_of(data, found, system, ride))
+    variance, signals = row_variance(data, found, ride), row_signals(data, found, ride)
+    start = start_of(data, found, system, ride)
+    walk = walk_of(ride, moved(data, found), found.sensors)
+    settled = settle(ride, found.spectrum, variance, start, signals, walk)
+    prepared, residual = settled.prepared, settled.smoothed.residual[:, 0]
     progress("smoothing", 0.5)
     generator = np.random.default_rng(seed)
     profiles, simulated = prior_draws(prepared, draws, generator)
-    together = np.concatenate([row_signals(data, found, ride), simulated], axis=1)
-    smoothed = smooth(prepared, together)
-    surprise = (
-        innovations(prepared, together[:, :1]) / np.sqrt(prepared.innovation_variance)[:, None]
-    )
-    unexplained = unexplained_samples(data, ride, surprise[:, 0], smoothed.residual[:, 0])
+    simulated = smooth(prepared, simulated).elevation
+    expected = prepared.innovation_variance - prepared.variance + variance
+    surprise = innovations(prepared, signals)[:, 0] / np.sqrt(expected)
+    counted = ~single_outliers(settled.weights, ride)
+    unexplained = unexplained_samples(data, ride, surprise, residual, counted)
+    faults = doubted(settled.weights, data, found, ride)
     progress("smoothing", 0.8)
     place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
-    elevation = smoothed.elevation[:, 0]
+    elevation = settled.smoothed.elevation[:, 0]
     slopes = by_the_vehicle(data, found, installation, place, elevation, progress)
-    errors = (
-        profiles
-        - smoothed.elevation[:, 1:]
-        + slopes @ generator.standard_normal((slopes.shape[1], draws))
-    )
-    spread = np.sqrt(np.maximum(knot_variance(prepared), 0.0) + np.sum(slopes**2, axis=1))
+    errors = profiles - simulated + slopes @ generator.standard_normal((slopes.shape[1], draws))
+    known = np.maximum(settled.variances.elevation, 0.0)
+    spread = np.sqrt(known + np.sum(slopes**2, axis=1))
     if correct:
         beyond = beyond_reduced(data, found, track, place, elevation)
         rows = beyond[ride.samples, ride.sensors][:, None]
@@ -173,11 +180,20 @@ def estimate(
         method="smoother",
         standard_deviation=spread[inside],
         band_standard_deviations={name: values[inside] for name, values in bands.items()},
-        quality=quality(place, bands, data, found, ride, unexplained)[inside],
+        quality=quality(
+            place,
+            bands,
+            data,
+            found,
+            ride,
+            unexplained,
+            data.faulty | marked(faults, data, found),
+        )[inside],
         loading=loading(track),
         vehicle=vehicle.name,
     )
-    notes = (*notes, *_reduction(track, found.track, correct))
+    faults = (*data.faults, *faults)
+    notes = (*data.notes, *told(faults, run), *notes, *_reduction(track, found.track, correct))
     if slopes.size:
         notes += ("the uncertainty of the calibrated vehicle is in that of the profile",)
     step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {seed}; bands: {FILTER_NAME}"
@@ -185,11 +201,12 @@ def estimate(
     progress("smoothing", 1.0)
     return Estimate(
         profile,
-        _reproduced(recording, data, ride, smoothed.residual[:, 0]),
+        _reproduced(recording, data, ride, residual),
         run,
         found,
         (*notes, *skipped),
-        float(smoothed.log_likelihood[0]),
+        float(settled.smoothed.log_likelihood[0]),
+        faults,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -16,7 +16,6 @@ from trackprofile.inference.bay_kernels import COLUMNS
 from trackprofile.inference.measured import KNOT_SPACING, USUAL, Measured
 from trackprofile.inference.ride import Ride
 from trackprofile.inference.smoother import Start
-from trackprofile.motion import Motion
 from trackprofile.spectrum import Spectrum, scaled
 from trackprofile.vehicle import Vehicle
 
@@ -69,9 +68,7 @@ class KnownProfile:
                 f"of the recording ({at[0]:.0f} m to {at[-1]:.0f} m); the fit needs {SEARCHED_ORIGINS:.0f} m "
                 f"more at each end: choose another stretch or reference."
             )
-        m = data.motion
-        part = Motion(m.time[inside], m.distance[inside], m.speed[inside], m.acceleration[inside])
-        return replace(data, motion=part, signals=data.signals[inside], valid=data.valid[inside])
+        return data.part(inside)
 
     def response(self, ride: Ride, start: Start) -> Array:
         """The signals (rows, 1) of a ride over the reference, from standing on it quasi-statically."""

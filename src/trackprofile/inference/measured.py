@@ -9,12 +9,21 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.bands import runs
+from trackprofile.conditioning.faults import (
+    GAP,
+    LEFT_OUT,
+    Fault,
+    FaultKind,
+    find_faults,
+    resolution,
+    samples_of,
+)
+from trackprofile.conditioning.mounting import freed_of_gravity
 from trackprofile.contracts import Channel, channels
 from trackprofile.errors import DataError, ModelError
-from trackprofile.inference.ride import Ride, build_ride
+from trackprofile.inference.ride import Ride, Walk, build_ride, with_offsets
 from trackprofile.inference.smoother import Filter, Start, prepare, start_of_ride
-from trackprofile.motion import Motion, along_track, motion, recorded_step
+from trackprofile.motion import Motion, along_track, motion
 from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import FILTER_STATES, StateSpace, state_space
@@ -22,6 +31,7 @@ from trackprofile.track import PointTrack, RigidTrack, Track
 from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 KNOT_SPACING = 0.25
 """m between the spline's knots: EN 13848-2 asks for a sampling distance of at most this."""
@@ -31,9 +41,6 @@ USUAL = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee
 
 LOCAL = 50.0
 """m to each side over which the strength of a signal is taken."""
-
-FLAT = 3
-"""Samples in a row."""
 
 TINY = 1e-30
 """Of a signal that is constant, which then has no local strength either."""
@@ -48,8 +55,11 @@ class Measured:
     motion : of the point whose distance was recorded, n samples
     sensors : one per channel
     signals, valid : (n, sensors)
-    step : (sensors,), in which each signal was recorded, 0 if as good as continuous
+    step : (n, sensors), in which each sample was recorded, 0 if as good as continuous
     saturated : (n, sensors), samples at the end of a sensor's range, which are not valid
+    faulty : (n, sensors), samples with any other fault
+    faults : what was found wrong, by samples of the whole recording
+    notes : on what was mended
     limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
     low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
     """
@@ -59,54 +69,63 @@ class Measured:
     signals: Array
     valid: NDArray[np.bool_]
     step: Array
-    saturated: NDArray[np.bool_]
+    saturated: Mask
+    faulty: Mask
+    faults: tuple[Fault, ...] = ()
+    notes: tuple[str, ...] = ()
     limits: Array | None = None
     low_pass: tuple[float | None, ...] = ()
 
+    def part(self, rows: slice | Mask) -> Measured:
+        """The same of some samples only."""
+        m = self.motion
+        motion = Motion(m.time[rows], m.distance[rows], m.speed[rows], m.acceleration[rows])
+        return replace(
+            self, motion=motion, signals=self.signals[rows], valid=self.valid[rows],
+            step=self.step[rows], saturated=self.saturated[rows], faulty=self.faulty[rows],
+        )  # fmt: skip
+
 
 def measured(recording: xr.Dataset, installation: Installation) -> Measured:
-    """Take a recording apart; calibrated sensors replace what the recording says of them."""
-    parts = channels(recording)
-    valid = np.stack([np.asarray(channel.valid, bool) for channel in parts], axis=1)
-    signals = np.stack([channel.values for channel in parts], axis=1)
-    saturated = np.stack(
-        [at_end_of_range(channel.values, v) for channel, v in zip(parts, valid.T, strict=True)],
-        axis=1,
-    )
-    valid &= ~saturated
-    steps = [recorded_step(channel.values[valid[:, i]]) for i, channel in enumerate(parts)]
-    sensors = tuple(_sensor(channel, installation.sensors) for channel in parts)
-    return Measured(
-        motion(recording), sensors, np.where(valid, signals, 0.0), valid, np.array(steps), saturated
-    )
+    """Take a recording apart; calibrated sensors replace what the recording says of them.
 
+    Samples with a fault that leaves nothing of them are not valid; gravity is taken off.
 
-def at_end_of_range(values: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Samples, (n,), at the end of a sensor's range: the greatest or the least of all, ``FLAT`` times or more in a row.
-
-    A signal that is recorded in coarse steps stays at its greatest value too, but comes there and leaves by single
-    steps; one that is cut off arrives with its whole slope.
-
-    Examples
-    --------
-    >>> signal = np.sin(np.arange(40) / 3.0)
-    >>> int(at_end_of_range(signal, np.ones(40, bool)).sum())
-    0
-    >>> int(at_end_of_range(np.clip(signal, -2.0, 0.8), np.ones(40, bool)).sum())
-    8
+    Raises
+    ------
+    DataError
+        Where nothing of a channel is left.
     """
-    found = np.zeros(len(values), bool)
-    known = values[valid]
-    step = recorded_step(known)
-    for end in (np.max(known), np.min(known)) if len(known) else ():
-        for run in runs(valid & (values == end)):
-            beside = [
-                values[i] for i in (run.start - 1, run.stop) if 0 <= i < len(values) and valid[i]
-            ]
-            far = max((abs(value - end) for value in beside), default=0.0)
-            if run.stop - run.start >= FLAT and far > 1.5 * step:
-                found[run] = True
-    return found
+    parts, faults = channels(recording), find_faults(recording)
+    count = recording.sizes["sample"]
+    valid = np.stack([np.asarray(channel.valid, bool) for channel in parts], axis=1)
+
+    def marked(kinds: frozenset[FaultKind]) -> Mask:
+        return np.stack([samples_of(faults, one.name, count, kinds) for one in parts], axis=1)
+
+    for channel, before, out in zip(parts, valid.T, marked(LEFT_OUT).T, strict=True):
+        if not np.any(before & ~out):
+            kinds = {str(one.kind) for one in faults if one.channel == channel.name}
+            raise DataError(
+                f"Channel {channel.name!r}: nothing is left of it ({', '.join(sorted(kinds))}); leave this channel out."
+            )
+    valid &= ~marked(LEFT_OUT)
+    upright = [freed_of_gravity(one, good) for one, good in zip(parts, valid.T, strict=True)]
+    signals = np.stack([one for one, _ in upright], axis=1)
+    steps = np.zeros_like(signals)
+    for i, channel in enumerate(parts):
+        steps[valid[:, i], i] = resolution(channel.values[valid[:, i]])
+    return Measured(
+        motion(recording),
+        tuple(_sensor(channel, installation.sensors) for channel in parts),
+        np.where(valid, signals, 0.0),
+        valid,
+        steps,
+        marked(frozenset({FaultKind.SATURATED})),
+        marked(frozenset(FaultKind) - {FaultKind.SATURATED}),
+        faults,
+        tuple(note for _, note in upright if note),
+    )
 
 
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
@@ -185,20 +204,15 @@ def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
     if system.disturbance.shape[1] > 0:
         local = np.interp(ride.bay_position, along.distance, local_loudness(data, loud))
         ride = replace(ride, Q=ride.Q * np.square(local)[:, None, None])
-    return system, _with_drift(ride, along, model.sensors)
+    walk = walk_of(ride, along, model.sensors)
+    return system, with_offsets(ride, np.outer(walk.duration, walk.rate**2))
 
 
-def _with_drift(ride: Ride, motion: Motion, sensors: Sequence[Sensor]) -> Ride:
-    """The offsets, last of the states, walk by drift² · duration in each bay."""
-    drift = np.array([sensor.drift or 0.0 for sensor in sensors])
-    if not np.any(drift > 0.0):
-        return ride
+def walk_of(ride: Ride, motion: Motion, sensors: Sequence[Sensor]) -> Walk:
+    """How the offsets, last of the states, walk through the bays of a ride."""
     entered = np.interp(ride.bay_position, motion.distance, motion.time)
-    duration = np.diff(entered, append=motion.time[-1])
-    offsets = np.arange(-len(sensors), 0)
-    Q = ride.Q.copy() if ride.Q.size else np.zeros_like(ride.F)
-    Q[:, offsets, offsets] += np.outer(np.maximum(duration, 0.0), drift**2)
-    return replace(ride, Q=Q)
+    duration = np.maximum(np.diff(entered, append=motion.time[-1]), 0.0)
+    return Walk(duration, np.array([sensor.drift_rate for sensor in sensors]))
 
 
 def loudness(data: Measured) -> Array:
@@ -272,16 +286,37 @@ def row_variance(data: Measured, model: Model, ride: Ride) -> Array:
 
     Sampled more slowly than its own filter passes, a sensor folds all its noise into each sample.
     """
-    interval = np.gradient(data.motion.time)
-    variance = np.empty((len(interval), len(model.sensors)))
+    variance = np.empty(data.signals.shape)
     for i, sensor in enumerate(model.sensors):
         if sensor.noise_density is None:
             raise DataError(f"Channel {sensor.name!r}: its noise density is not known.")
+        interval = sampling_intervals(data.motion.time, data.valid[:, i])
         passed = np.maximum(0.5 / interval, sensor.bandwidth or 0.0)
         if data.limits is not None:
             passed = np.minimum(passed, data.limits[i])
-        variance[:, i] = sensor.noise_density**2 * passed + data.step[i] ** 2 / 12.0
+        variance[:, i] = sensor.noise_density**2 * passed + data.step[:, i] ** 2 / 12.0
     return variance[ride.samples, ride.sensors]
+
+
+def sampling_intervals(time: Array, valid: Mask) -> Array:
+    """Interval at which a sensor was sampled, (n,) in s: half the time between the valid samples beside each.
+
+    Beside a gap it is that of the other side; 1 where the sample is not valid.
+
+    Examples
+    --------
+    >>> sampling_intervals(np.array([0.0, 0.1, 0.2, 0.3, 0.9, 1.0]), np.ones(6, bool))
+    array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
+    """
+    interval = np.ones(len(time))
+    at = time[valid]
+    if len(at) < 2:
+        return interval
+    apart = np.diff(at)
+    before, after = np.r_[apart[0], apart], np.r_[apart, apart[-1]]
+    gap = np.maximum(before, after) > GAP * np.minimum(before, after)
+    interval[valid] = np.where(gap, np.minimum(before, after), 0.5 * (before + after))
+    return interval
 
 
 def row_signals(data: Measured, model: Model, ride: Ride) -> Array:

@@ -19,7 +19,6 @@ from trackprofile.inference.parameters import (
     white_noise_parameters,
 )
 from trackprofile.inference.passes import Pass
-from trackprofile.motion import Motion
 from trackprofile.sensor import Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.track import PointTrack
@@ -88,7 +87,8 @@ def _started(data: Measured) -> tuple[Sensor, ...]:
     sensors = []
     for i, sensor in enumerate(data.sensors):
         rms = float(np.std(data.signals[data.valid[:, i], i]))
-        guess = max(0.02 * rms, float(data.step[i]) / np.sqrt(12.0), 1e-9) * np.sqrt(2 * interval)
+        rounding = float(np.median(data.step[data.valid[:, i], i])) / np.sqrt(12.0)
+        guess = max(0.02 * rms, rounding, 1e-9) * np.sqrt(2 * interval)
         sensors.append(replace(sensor, noise_density=sensor.noise_density or guess))
     return tuple(sensors)
 
@@ -114,11 +114,4 @@ def _informative(data: Measured) -> Measured:
     starts = np.flatnonzero(ends < len(distance))
     time = data.motion.time
     first = starts[np.argmin(time[ends[starts]] - time[starts])]
-    rows = slice(int(first), int(ends[first]))
-    part = Motion(
-        data.motion.time[rows],
-        distance[rows],
-        data.motion.speed[rows],
-        data.motion.acceleration[rows],
-    )
-    return replace(data, motion=part, signals=data.signals[rows], valid=data.valid[rows])
+    return data.part(slice(int(first), int(ends[first])))

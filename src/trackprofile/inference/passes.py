@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from trackprofile.errors import DataError
 from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import Measured, measured
-from trackprofile.motion import Motion
 from trackprofile.sensor import Installation
 from trackprofile.vehicle import Vehicle
 
@@ -128,11 +127,7 @@ def _stretches(one: Pass) -> list[Pass]:
 def _between(one: Pass, begin: float, end: float) -> Pass:
     data = one.data
     rows = slice(*np.searchsorted(data.motion.distance, [begin, end]))
-    m = data.motion
-    part = Motion(m.time[rows], m.distance[rows], m.speed[rows], m.acceleration[rows])
-    return replace(
-        one, data=replace(data, motion=part, signals=data.signals[rows], valid=data.valid[rows])
-    )
+    return replace(one, data=data.part(rows))
 
 
 def _speed(one: Pass) -> float:

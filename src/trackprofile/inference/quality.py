@@ -34,8 +34,9 @@ NEAR = 2.5
 
 
 def quality(
-    place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride, unexplained: Mask
-) -> NDArray[np.int8]:  # fmt: skip
+    place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride, unexplained: Mask,
+    faulty: Mask,
+) -> NDArray[np.int16]:  # fmt: skip
     """Flags of every knot.
 
     Parameters
@@ -43,9 +44,10 @@ def quality(
     place : (knots,), m
     bands : standard deviations in each, (knots,), m
     unexplained : (samples, sensors), see :func:`unexplained_samples`
+    faulty : (samples, sensors), left out or weighted down
     """
     run = moved(data, model).distance
-    flags = np.zeros(len(place), np.int8)
+    flags = np.zeros(len(place), np.int16)
     flags[~felt_at(place, run[data.valid.any(axis=1)], model.vehicle, None)] |= Quality.GAP
     if "D1" in bands:
         unmeasured = _prior_spread(model.spectrum, ride, D1)
@@ -53,13 +55,19 @@ def quality(
     edge = edge_distance(D1)
     flags[(place < run[0] + edge) | (place > run[-1] - edge)] |= Quality.EDGE
     flags[np.interp(place, run, data.motion.speed) < SLOW] |= Quality.SLOW
-    for flag, marked in ((Quality.SATURATED, data.saturated), (Quality.UNEXPLAINED, unexplained)):
+    for flag, marked in (
+        (Quality.SATURATED, data.saturated),
+        (Quality.UNEXPLAINED, unexplained),
+        (Quality.FAULTY, faulty),
+    ):
         for i, sensor in enumerate(model.sensors):
             flags[felt_at(place, run[marked[:, i]], model.vehicle, sensor.body)] |= flag
     return flags
 
 
-def unexplained_samples(data: Measured, ride: Ride, surprise: Array, left: Array) -> Mask:
+def unexplained_samples(
+    data: Measured, ride: Ride, surprise: Array, left: Array, counted: Mask
+) -> Mask:
     """Samples, (samples, sensors), around which the model does not explain what was measured.
 
     Within ``NEAR`` of them the innovations are ``SURPRISE`` times as large as the model expects them, and what the
@@ -69,13 +77,14 @@ def unexplained_samples(data: Measured, ride: Ride, surprise: Array, left: Array
     ----------
     surprise : (rows,), innovations in their standard deviations
     left : (rows,), measured less reproduced, in the signals' unit
+    counted : (rows,), False for single samples that the sensor is to blame for
     """
     shape = data.signals.shape
     surprises, rest = np.zeros(shape), np.zeros(shape)
-    surprises[ride.samples, ride.sensors] = np.square(surprise)
-    rest[ride.samples, ride.sensors] = np.square(left)
+    surprises[ride.samples, ride.sensors] = counted * np.square(surprise)
+    rest[ride.samples, ride.sensors] = counted * np.square(left)
     used = np.zeros(shape)
-    used[ride.samples, ride.sensors] = 1.0
+    used[ride.samples, ride.sensors] = counted
     at = data.motion.distance
     low, high = np.searchsorted(at, at - NEAR), np.searchsorted(at, at + NEAR, side="right")
 

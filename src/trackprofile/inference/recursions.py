@@ -174,18 +174,22 @@ def filtered(
 @compiled
 def smoothed(
     a1, a2, F_all, G_all, slots_all, rows, first_row, newest, gains, S, variance, covariance,
-    signals, knots,
+    signals, knots, offsets,
 ):  # pragma: no cover  # fmt: skip
     """Backward pass: ``knots`` become the smoothed elevations, ``signals`` the smoothed measurement noise.
 
     λ ← Tᵀ λ at a bay, λ ← λ - h (e/S + Kᵀ λ) at a sample; a knot's smoothed mean is m - P λ. The noise of a
-    sample, given all data, is R (e/S + Kᵀ λ): what the model leaves of the signal.
+    sample, given all data, is R (e/S + Kᵀ λ): what the model leaves of the signal. ``offsets`` (bays, sensors)
+    become -λ of the offsets, the last of the states, at the end of each bay, for the first of the signals.
     """
     n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
     size = gains.shape[1]
     ring = size - n
     adjoint, moved, u = np.zeros((size, m)), np.empty((n, m)), np.empty(m)
+    sensors = offsets.shape[1]
     for b in range(F_all.shape[0] - 1, -1, -1):
+        for i in range(sensors):
+            offsets[b, i] = -adjoint[n - sensors + i, 0]
         for j in range(size):
             for s in range(m):
                 knots[b, s] -= covariance[b, j] * adjoint[j, s]
@@ -221,10 +225,16 @@ def smoothed(
 
 @compiled
 def variances(
-    a1, a2, F_all, G_all, slots_all, rows, first_row, newest, gains, S, covariance, result
-):  # pragma: no cover
-    """Posterior variance of each bay's oldest knot: P_jj - P_j Λ P_jᵀ, Λ the covariance of λ."""
+    a1, a2, F_all, G_all, slots_all, rows, first_row, newest, gains, S, covariance, result,
+    precision, offsets,
+):  # pragma: no cover  # fmt: skip
+    """Posterior variance of each bay's oldest knot: P_jj - P_j Λ P_jᵀ, Λ the covariance of λ.
+
+    ``precision`` (rows,) becomes the variance of e/S + Kᵀ λ, 1/S + Kᵀ Λ K, and ``offsets`` (bays, sensors) that of
+    the offsets' λ, at the end of each bay.
+    """
     n, bays = F_all.shape[1], F_all.shape[0]
+    sensors = offsets.shape[1]
     size = gains.shape[1]
     ring = size - n
     most = 1
@@ -233,6 +243,8 @@ def variances(
     L, g = np.zeros((size, size)), np.empty((most, size))
     W, V = np.empty((n, size)), np.empty((n, size))
     for b in range(bays - 1, -1, -1):
+        for i in range(sensors):
+            offsets[b, i] = L[n - sensors + i, n - sensors + i]
         one, two, three = oldest_places(n, ring, newest + b)
         value = (covariance[b, one] + 4.0 * covariance[b, two] + covariance[b, three]) / 6.0
         for i in range(size):
@@ -242,7 +254,7 @@ def variances(
             value -= covariance[b, i] * dot
         result[b] = value
         _pull_back(L, F_all[b], G_all[b], slots_all[b], W, V)
-        _unmeasure(L, rows, slots_all[b], n, gains, S, first_row[b], first_row[b + 1], g)
+        _unmeasure(L, rows, slots_all[b], n, gains, S, first_row[b], first_row[b + 1], g, precision)
         if b > 0:
             new, one, two = newest_places(n, ring, newest + b)
             for j in range(size):
@@ -299,7 +311,7 @@ def _pull_back(L, F, G, slots, W, V):  # pragma: no cover
 
 
 @compiled
-def _unmeasure(L, rows, slots, n, gains, S, low, high, g):  # pragma: no cover
+def _unmeasure(L, rows, slots, n, gains, S, low, high, g, precision):  # pragma: no cover
     """Λ ← (I - K h)ᵀ Λ (I - K h) + hᵀ h / S for the samples of one bay, last first.
 
     Each sample adds -(h gᵀ + g hᵀ) with u = Λ K and g = u - (Kᵀ u + 1/S) h / 2; they are gathered, then added.
@@ -324,6 +336,7 @@ def _unmeasure(L, rows, slots, n, gains, S, low, high, g):  # pragma: no cover
         kappa = 1.0 / S[k]
         for j in range(size):
             kappa += gains[k, j] * u[j]
+        precision[k] = kappa
         for c in range(width):
             u[c if c < n else slots[c - n]] -= 0.5 * kappa * rows[k, c]
     total = np.empty(size)

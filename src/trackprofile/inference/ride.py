@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ class Ride:
     ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there
     are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is;
     ``bay_position`` (bays,) is where the leading wheel starts each bay, m; knots are counted from
-    ``first_knot`` and lie ``spacing`` m apart.
+    ``first_knot`` and lie ``spacing`` m apart. The last ``offsets`` of the n states are the sensors' offsets.
     """
 
     F: Array
@@ -60,6 +60,7 @@ class Ride:
     newest: int
     start_position: float
     start_speed: float
+    offsets: int
 
     @property
     def first_knot(self) -> int:
@@ -70,6 +71,14 @@ class Ride:
     def knots(self) -> int:
         """How many knots the ride determines or passes."""
         return len(self.F) + self.ring - 3
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Of the offsets: ``duration`` (bays,) in s, and ``rate`` (sensors,) in the sensor's unit per √s."""
+
+    duration: Array
+    rate: Array
 
 
 def build_ride(
@@ -109,8 +118,18 @@ def build_ride(
     return Ride(
         F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, first_position[:, 0],
         spacing, ring, newest,
-        float(steps.position[0]), float(steps.speed[0]),
+        float(steps.position[0]), float(steps.speed[0]), len(system.C),
     )  # fmt: skip
+
+
+def with_offsets(ride: Ride, variance: Array) -> Ride:
+    """The ride with offsets that move by that variance, (bays, sensors), at the end of each bay."""
+    if not np.any(variance > 0.0):
+        return ride
+    Q = ride.Q.copy() if ride.Q.size else np.zeros_like(ride.F)
+    offsets = np.arange(-ride.offsets, 0)
+    Q[:, offsets, offsets] += variance
+    return replace(ride, Q=Q)
 
 
 def cut_into_steps(motion: Motion, spacing: float) -> Steps:

@@ -68,11 +68,29 @@ class Filter:
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Posterior means: ``elevation`` (knots, signals) in m, ``residual`` (rows, signals); ``log_likelihood``."""
+    """Posterior means of ``elevation`` (knots, signals) in m and of the noise, ``residual`` (rows, signals).
+
+    ``offset_score`` (bays, sensors) is the slope of the first signal's log-likelihood over a jump of each sensor's
+    offset at the end of each bay; ``log_likelihood`` (signals,).
+    """
 
     elevation: Array
     residual: Array
+    offset_score: Array
     log_likelihood: Array
+
+
+@dataclass(frozen=True)
+class Variances:
+    """Of the posterior's ``elevation`` (knots,), m²; and what single samples and offsets are judged by.
+
+    ``precision`` (rows,) is the variance of residual / noise variance: its inverse is that of a sample about what all
+    the others predict of it (de Jong 1988). ``offset_precision`` (bays, sensors) is that of the ``offset_score``.
+    """
+
+    elevation: Array
+    precision: Array
+    offset_precision: Array
 
 
 def start_of_ride(system: StateSpace, spectrum: Spectrum, ride: Ride, others: Array) -> Start:
@@ -131,26 +149,29 @@ def smooth(prepared: Filter, signals: Array) -> Smoothed:
     S = prepared.innovation_variance
     likelihood = -0.5 * (np.sum(np.log(2 * np.pi * S)) + np.sum(residual**2 / S[:, None], axis=0))
     ride, process = prepared.ride, prepared.process
+    score = np.empty((len(ride.F), ride.offsets))
     recursions.smoothed(
         process.a1, process.a2, ride.F, ride.G, ride.slots, ride.rows, ride.first_row, ride.newest,
         prepared.gains, prepared.innovation_variance, prepared.variance, prepared.knot_covariance,
-        residual, knots,
+        residual, knots, score,
     )  # fmt: skip
-    return Smoothed(np.concatenate([knots, _window(ride) @ last]), residual, likelihood)
+    elevation = np.concatenate([knots, _window(ride) @ last])
+    return Smoothed(elevation, residual, score, likelihood)
 
 
-def knot_variance(prepared: Filter) -> Array:
-    """Posterior variance of the elevation at every knot, m², (knots,)."""
+def variances(prepared: Filter) -> Variances:
+    """Posterior variance of the elevation at every knot, and the precisions of what is left of samples and offsets."""
     ride, process = prepared.ride, prepared.process
-    result = np.empty(len(ride.F))
+    knots, precision = np.empty(len(ride.F)), np.empty(len(ride.rows))
+    offsets = np.empty((len(ride.F), ride.offsets))
     recursions.variances(
         process.a1, process.a2, ride.F, ride.G, ride.slots, ride.rows, ride.first_row, ride.newest,
-        prepared.gains, prepared.innovation_variance, prepared.knot_covariance, result,
+        prepared.gains, prepared.innovation_variance, prepared.knot_covariance, knots, precision,
+        offsets,
     )  # fmt: skip
     window = _window(ride)
-    return np.concatenate(
-        [result, np.einsum("ki,ij,kj->k", window, prepared.last_covariance, window)]
-    )
+    last = np.einsum("ki,ij,kj->k", window, prepared.last_covariance, window)
+    return Variances(np.concatenate([knots, last]), precision, offsets)
 
 
 def prior_draws(

@@ -13,7 +13,6 @@ from scipy.signal import butter, fftconvolve, kaiserord, sosfilt, welch
 
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured, Model, moved
-from trackprofile.motion import Motion
 from trackprofile.receptance import FITTED_UP_TO
 from trackprofile.sensor import Sensor
 from trackprofile.spectrum import Spectrum, scaled
@@ -208,14 +207,12 @@ def limited(data: Measured, highest: Sequence[float]) -> Measured:
         else:
             clean = valid[:, i]
         valid[:, i] = clean & chosen & valid[:, i]
-        step[i] *= np.sqrt(interval / apart)
+        step[:, i] *= np.sqrt(interval / apart)
         kept |= chosen
-    m = data.motion
-    motion = Motion(m.time[kept], m.distance[kept], m.speed[kept], m.acceleration[kept])
-    return replace(
-        data, motion=motion, signals=signals[kept], valid=valid[kept], step=step, limits=limits,
-        saturated=data.saturated[kept], low_pass=tuple(low_pass),
-    )  # fmt: skip
+    changed = replace(
+        data, signals=signals, valid=valid, step=step, limits=limits, low_pass=tuple(low_pass)
+    )
+    return changed.part(kept)
 
 
 def _apart(time: Array, least: float) -> NDArray[np.intp]:

@@ -69,4 +69,4 @@ def _flags(values: np.ndarray) -> np.ndarray:
         raise RowError(
             "quality", row + 1, f"expected a sum of flags, 0 to {most}, found {values[row]:g}."
         )
-    return values.astype(np.int8)
+    return values.astype(np.int16)

@@ -1,0 +1,204 @@
+"""A smoother that keeps its head: samples, stretches and offsets that disagree with all the others count for less.
+
+What each sample should be is known from all the others: y_k - ŷ_k = e_k = u_k/d_k, of variance 1/d_k = v_k + p_k, with
+v_k the sample's noise, p_k what the others leave open, u_k = (S⁻¹ y)_k and d_k = (S⁻¹)_kk (de Jong 1988). A sample
+``BEYOND`` standard deviations away is given the noise that it shows, v_k = e_k² - p_k, which is the maximum likelihood
+of that variance (Thompson 1985). A stretch whose median shows more noise than its sensor's is given that. Offsets that
+jump or drift are found likewise, by the slope of the likelihood over a jump at each place. What is not beyond is left
+as it was: good data are smoothed once, as if nothing of this existed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.inference.ride import Ride, Walk, with_offsets
+from trackprofile.inference.smoother import (
+    Filter,
+    Smoothed,
+    Start,
+    Variances,
+    prepare,
+    smooth,
+    variances,
+)
+from trackprofile.spectrum import Spectrum
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BEYOND = 5.0
+"""Standard deviations: of ten million good samples six are beyond."""
+
+STRETCH = 128
+"""Samples of one sensor over which its noise is taken to be constant: enough for a median."""
+
+LOUDER = 3.0
+"""Times its variance that the noise of a stretch has to show before it is believed."""
+
+CHI_SQUARE_MEDIAN = 0.4549
+"""Of the square of a standard normal number."""
+
+LEAST_TOLD = 1e-9
+"""Share of the greatest precision below which nothing is told of an offset: at the very end of a ride."""
+
+FASTER = 1.25
+"""Times its variance, or that part of it, that an offset's walk has to show before it is believed."""
+
+NOTED = 4.0
+"""The same of a walk that was as usual so far."""
+
+BOLDEST = 30.0
+"""Times by which the variance of an offset's walk may change in one round."""
+
+FREE_ROUNDS = 4
+"""After which noise falls only by half on a logarithmic scale, so that the rounds do not go in circles."""
+
+MOST_ROUNDS = 20
+"""Good data need one; spikes three or four, because of those in the shade of others."""
+
+SETTLED = 0.2
+"""Change of the logarithm of every variance below which the rounds end."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What is believed of each sample and offset.
+
+    Parameters
+    ----------
+    louder : (rows,), noise variance of the stretch over that of the sensor
+    own : (rows,), noise variance of samples that have one of their own, else 0, sensor's unit squared
+    jumps : (bays, sensors), variance of each offset's jump at the end of a bay
+    drift : (sensors,), variance per s of each offset's random walk beyond the usual one
+    """
+
+    louder: Array
+    own: Array
+    jumps: Array
+    drift: Array
+
+    def noise(self, variance: Array) -> Array:
+        """Noise variance of each row, (rows,)."""
+        return np.where(self.own > 0.0, self.own, self.louder * variance)
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A ride smoothed, with what was weighted down on the way, and how many rounds that took."""
+
+    prepared: Filter
+    smoothed: Smoothed
+    variances: Variances
+    weights: Weights
+    rounds: int
+
+
+def settle(
+    ride: Ride, spectrum: Spectrum, variance: Array, start: Start, signals: Array, walk: Walk
+) -> Settled:
+    """Smooth, weigh down what disagrees, and again until nothing changes.
+
+    Parameters
+    ----------
+    variance : (rows,), of each row's noise as the sensors have it
+    signals : (rows, 1)
+    walk : of the offsets, as the ride has it
+    """
+    weights = Weights(
+        np.ones_like(variance),
+        np.zeros_like(variance),
+        np.zeros((len(ride.F), ride.offsets)),
+        np.zeros(ride.offsets),
+    )
+    rounds = 0
+    while True:
+        rounds += 1
+        noise = weights.noise(variance)
+        wandering = with_offsets(ride, weights.jumps + np.outer(walk.duration, weights.drift))
+        prepared = prepare(wandering, spectrum, noise, start)
+        smoothed, judged = smooth(prepared, signals), variances(prepared)
+        again = _judged(weights, ride, variance, noise, smoothed, judged)
+        if rounds > FREE_ROUNDS:
+            again = _held(again, weights, variance)
+        if rounds > FREE_ROUNDS or _same(again, weights, variance):
+            # Drift is judged last: as long as outliers and jumps are not told apart, they look like it.
+            again = _drifting(again, smoothed, judged, walk)
+        if _same(again, weights, variance) or rounds == MOST_ROUNDS:
+            return Settled(prepared, smoothed, judged, weights, rounds)
+        weights = again
+
+
+def _judged(
+    weights: Weights, ride: Ride, variance: Array, noise: Array, smoothed: Smoothed, judged: Variances
+) -> Weights:  # fmt: skip
+    """The weights that the last round asks for."""
+    error = smoothed.residual[:, 0] / (noise * judged.precision)
+    open_ = np.maximum(1.0 / judged.precision - noise, 0.0)
+    louder = _louder(ride.sensors, np.square(error), open_, variance)
+    beyond = np.square(error) > BEYOND**2 * (louder * variance + open_)
+    own = np.where(beyond, np.square(error) - open_, 0.0)
+    offsets = zip(weights.jumps.T, smoothed.offset_score.T, judged.offset_precision.T, strict=True)
+    jumps = np.stack([_jumps(*offset) for offset in offsets], axis=1)
+    return replace(weights, louder=louder, own=own, jumps=jumps)
+
+
+def _drifting(weights: Weights, smoothed: Smoothed, judged: Variances, walk: Walk) -> Weights:
+    """The weights, with the walk that each offset shows."""
+    usual = walk.rate**2
+    # A second jump of the same offset makes a walk more likely than chance.
+    known = (weights.drift > 0.0) | (np.count_nonzero(weights.jumps, axis=0) > 1)
+    score, precision = smoothed.offset_score, judged.offset_precision
+    shown = walk.duration @ np.square(score) / (walk.duration @ precision)
+    changes = (shown > np.where(known, FASTER, NOTED)) | (known & (shown < 1.0 / FASTER))
+    bold = np.clip(shown, 1.0 / BOLDEST, BOLDEST)
+    drift = np.maximum((usual + weights.drift) * bold - usual, 0.0)
+    drift = np.where(changes, drift, weights.drift)
+    # What a walk explains is no jump: those that remain are found again.
+    first = (drift > 0.0) & (weights.drift == 0.0)
+    return replace(weights, drift=drift, jumps=np.where(first, 0.0, weights.jumps))
+
+
+def _jumps(jumps: Array, score: Array, precision: Array) -> Array:
+    """Of one offset: those of the last round that still show, and the clearest of the others."""
+    known = precision > LEAST_TOLD * np.max(precision, initial=0.0)
+    precise = np.where(known, precision, 1.0)
+    shown, without = np.square(score / precise), np.maximum(1.0 / precise - jumps, 0.0)
+    far = np.where(known, shown / without, 0.0)
+    b = int(np.argmax(np.where(jumps > 0.0, 0.0, far)))
+    stay = (jumps > 0.0) | (np.arange(len(jumps)) == b)
+    return np.where(stay & (far > BEYOND**2), shown - without, 0.0)
+
+
+def _louder(sensors: NDArray[np.int64], squares: Array, open_: Array, variance: Array) -> Array:
+    """How much louder each sensor's stretches are than the sensor, (rows,) of at least 1."""
+    louder = np.ones_like(variance)
+    for sensor in np.unique(sensors):
+        rows = np.flatnonzero(sensors == sensor)
+        for part in np.array_split(rows, max(1, len(rows) // STRETCH)):
+            shown = np.median(squares[part] / (variance[part] + open_[part])) / CHI_SQUARE_MEDIAN
+            if shown > LOUDER:
+                own = np.median(squares[part]) / CHI_SQUARE_MEDIAN - np.median(open_[part])
+                louder[part] = max(1.0, own / np.median(variance[part]))
+    return louder
+
+
+def _held(again: Weights, last: Weights, variance: Array) -> Weights:
+    """The same, but no noise falls by more than half on a logarithmic scale, above that of the sensor."""
+    before = last.noise(variance)
+    least = np.sqrt(before * variance)
+    own = np.where((again.own > 0.0) & (again.own < least), least, again.own)
+    least = np.where(last.own > 0.0, variance, least)
+    return replace(again, own=own, louder=np.maximum(again.louder, least / variance))
+
+
+def _same(a: Weights, b: Weights, variance: Array) -> bool:
+    change = np.abs(np.log(a.noise(variance) / b.noise(variance)))
+    return bool(
+        np.max(change) < SETTLED
+        and np.array_equal(a.jumps > 0.0, b.jumps > 0.0)
+        and np.array_equal(a.drift, b.drift)
+    )
