@@ -189,7 +189,7 @@ def refused(path: Path, error: type[TrackprofileError] = DataError) -> str:
         ("0.1,1", "0.1,", "column 'good', data row 1: expected 1 or 0"),
         ("0.1,1", "0.1,yes", "column 'good', data row 1: expected a number, found 'yes'"),
         ("0.1,1", "o.1,1", "column 'floor', data row 1: expected a number, found 'o.1'"),
-        ("0.5,72", "0.5,", "column 'speed_km_h', data row 2: there is no finite number"),
+        (",0\n1", ",1\n1", "column 'floor', data row 2: there is no finite number; mark"),
         ("0.5,72", "0.5,0", "column 'speed_km_h', data row 2: the speed is zero"),
         ("0.5,72", "0.5,-72", "column 'speed_km_h', data row 2: the speed is -20 m/s"),
         ("0.5,72", "-0.5,72", "column 'distance_m', data row 2: distance does not increase"),
@@ -213,16 +213,25 @@ def test_a_table_that_cannot_be_used_is_refused_by_column_and_row(
     assert said in sentence
 
 
-def test_time_that_runs_backwards_is_refused(run: Path) -> None:
+def test_time_that_runs_backwards_is_mended_and_said(run: Path) -> None:
     run.write_text(
         TOML.replace('distance = { column = "distance_m", unit = "m" }',
                      'time = { column = "distance_m", unit = "min" }'),
         encoding="utf-8",
     )  # fmt: skip
     run.with_name("run.csv").write_text(CSV.replace("1,36", "0.25,36"))
-    assert "column 'distance_m', data row 3: time does not increase: 15 s follows 30 s" in refused(
-        run
-    )
+    recording = read(run)
+    np.testing.assert_allclose(recording["time"], [0.0, 30.0, 60.0])
+    np.testing.assert_array_equal(recording["clock_fault"], [0, 0, 1])
+    assert "mended: the clock jumps once: mended" in recording.attrs["provenance"]
+
+
+def test_speed_that_is_missing_is_filled_and_said(run: Path) -> None:
+    run.with_name("run.csv").write_text(CSV.replace("0.5,72", "0.5,"))
+    recording = read(run)
+    np.testing.assert_allclose(recording["speed"], [10.0, 10.0, 10.0], rtol=1e-5)
+    np.testing.assert_array_equal(recording["clock_fault"], [0, 4, 0])
+    assert "the speed is missing in 1 rows: filled" in recording.attrs["provenance"]
 
 
 @pytest.mark.parametrize(
@@ -279,8 +288,8 @@ def test_a_profile_that_cannot_be_used_is_refused(
 
 
 def test_a_quality_that_is_no_flag_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "level.csv").write_text("distance_m,elevation_m,quality\n0,0,0\n1,0,128\n")
-    said = "column 'quality', data row 2: expected a sum of flags, 0 to 127, found 128"
+    (tmp_path / "level.csv").write_text("distance_m,elevation_m,quality\n0,0,0\n1,0,256\n")
+    said = "column 'quality', data row 2: expected a sum of flags, 0 to 255, found 256"
     assert said in refused(tmp_path / "level.csv")
 
 

@@ -94,6 +94,32 @@ def speed_over_distance(speed: Array, distance: Array) -> Array:
     return np.sqrt(2.0 * np.maximum(energy, 0.5 * (0.25 * step) ** 2))
 
 
+def filled(speed: Array, at: Array) -> Array:
+    """Speed (m/s) over time (s) or distance (m) with its missing values, NaN, on the smoothest way between the others.
+
+    The change of its slope is least, so that an acceleration goes on for a while, as a train's does; never below zero.
+
+    Raises
+    ------
+    DataError : fewer than two values are known.
+
+    Examples
+    --------
+    >>> filled(np.array([10.0, 11.0, np.nan, 13.0]), np.arange(4.0)).round(3)
+    array([10., 11., 12., 13.])
+    """
+    known = np.isfinite(speed)
+    if np.count_nonzero(known) < 2:
+        raise DataError("speed: fewer than two values are known; choose another column.")
+    if known.all():
+        return speed
+    spacing = np.maximum(np.diff(at), 1e-9)
+    at = np.concatenate([[0.0], np.cumsum(spacing)])
+    noise = np.where(known, 1e-6, 1e6)
+    smooth = _smooth(np.where(known, speed, 0.0), at, noise, 0.5 * (at[2:] - at[:-2]))
+    return np.where(known, speed, np.clip(smooth, 0.0, None))
+
+
 def recorded_step(values: Array) -> float:
     """The step in which values were recorded; 0 where they are as good as continuous.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntFlag, StrEnum
 from itertools import pairwise
 
 import numpy as np
@@ -60,6 +60,7 @@ class FaultKind(StrEnum):
 
     GAP = "gap"
     CLOCK = "clock jump"
+    SPEED = "speed missing"
     REPEATED = "repeated samples"
     SPIKE = "spike"
     OUTLIER = "outlier"
@@ -71,6 +72,24 @@ class FaultKind(StrEnum):
     DRIFT = "offset drifts"
     EXCHANGED = "channels exchanged"
     SIGN = "sign turned"
+
+
+class ClockFault(IntFlag):
+    """Flags of a recording's samples, in its variable ``clock_fault``: what was mended when it was read."""
+
+    JUMP = 1
+    """The clock jumped before this sample."""
+    REPEATED = 2
+    """Rows that stood twice were left out before this sample."""
+    SPEED = 4
+    """The speed was missing here."""
+
+
+_KIND_OF = {
+    ClockFault.JUMP: "CLOCK",
+    ClockFault.REPEATED: "REPEATED",
+    ClockFault.SPEED: "SPEED",
+}
 
 
 @dataclass(frozen=True)
@@ -101,13 +120,16 @@ def find_faults(recording: xr.Dataset) -> tuple[Fault, ...]:
     (Fault(kind=<FaultKind.SPIKE: 'spike'>, channel='floor', first=100, last=100, remark=''),)
     """
     found = list(_gaps(recording))
-    for channel in channels(recording):
+    parts = channels(recording)
+    still = [bool(np.ptp(one.values[np.asarray(one.valid, bool)]) == 0.0) for one in parts]
+    for channel in parts:
         valid = np.asarray(channel.valid, bool)
         at = np.flatnonzero(valid)
         values = channel.values[at]
         rules = (
             (FaultKind.SATURATED, at_end_of_range(values)),
-            (FaultKind.STUCK, stuck(values)),
+            # Where nothing at all moved, there is nothing to tell a dead sensor by.
+            (FaultKind.STUCK, stuck(values) & (not all(still))),
             (FaultKind.REPEATED, copied(values)),
             (FaultKind.SPIKE, spikes(values)),
         )
@@ -166,6 +188,9 @@ def at_end_of_range(values: Array) -> Mask:
 def stuck(values: Array) -> Mask:
     """Samples of a value that stays ``STUCK`` times longer than values of this signal usually do, and as many samples.
 
+    It breaks off: at one of its ends the signal steps as far as it usually does. Where it sets out and comes to rest by
+    degrees, nothing happened for a while. A signal that never changes is stuck altogether.
+
     Examples
     --------
     >>> signal = np.sin(np.arange(400) / 3.0)
@@ -173,13 +198,17 @@ def stuck(values: Array) -> Mask:
     >>> int(stuck(signal).sum())
     40
     """
-    starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    change = np.abs(np.diff(values))
+    if not change.any():
+        return np.ones(len(values), bool)
+    starts = np.concatenate([[0], 1 + np.flatnonzero(change)])
     lengths = np.diff(starts, append=len(values))
-    if not len(lengths):
-        return np.zeros(0, bool)
     # The usual length is that of half the values, not of half the samples, which a stuck sensor could be.
-    long = lengths >= STUCK * max(float(np.median(lengths)), 1.0)
-    return np.repeat(long, lengths)
+    long = lengths >= STUCK * float(np.median(lengths))
+    usual = float(np.median(change[change > 0]))
+    step = np.concatenate([[0.0], change[starts[1:] - 1], [0.0]])
+    breaks = np.maximum(step[:-1], step[1:]) >= usual
+    return np.repeat(long & breaks, lengths)
 
 
 def spikes(values: Array) -> Mask:
@@ -290,6 +319,11 @@ def _gaps(recording: xr.Dataset) -> Iterator[Fault]:
     for k in np.flatnonzero(steps > GAP * usual):
         unit = recording[axis].attrs["units"]
         yield Fault(FaultKind.GAP, "", int(k), int(k) + 1, f"{steps[k]:.3g} {unit} without samples")
+    if "clock_fault" in recording:
+        flags = recording["clock_fault"].to_numpy()
+        for flag, kind in _KIND_OF.items():
+            for run in runs((flags & flag) != 0):
+                yield Fault(FaultKind[kind], "", run.start, run.stop - 1)
 
 
 def _seals(values: Array) -> NDArray[np.uint64]:

@@ -74,6 +74,7 @@ def build_recording(
     source: str = "",
     vehicle: str = "",
     provenance: Iterable[str] = (),
+    clock_fault: ArrayLike | None = None,
 ) -> xr.Dataset:
     """A recording from arrays in SI units, validated.
 
@@ -83,6 +84,7 @@ def build_recording(
     time, distance, speed : (samples,) [s, m, m/s]; speed may be left out only where both others are
     line, direction, source, vehicle : in words
     provenance : what was done so far
+    clock_fault : (samples,), sums of `trackprofile.conditioning.faults.ClockFault`; None: the clock was good
 
     Raises
     ------
@@ -108,6 +110,8 @@ def build_recording(
     for name, values in (("time", time), ("distance", distance), ("speed", speed)):
         if values is not None:
             put(dataset, name, "sample", values, {"units": _MOTION_UNITS[name]})
+    if clock_fault is not None and np.any(clock_fault):
+        put(dataset, "clock_fault", "sample", clock_fault, {}, np.int8)
     for channel in channels:
         _put_channel(dataset, channel)
     return validate_recording(dataset)
@@ -158,6 +162,8 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
             for name, unit in _MOTION_UNITS.items()
         )
     )
+    if "clock_fault" in recording:
+        flags_of(recording, "clock_fault", "sample")
     names = [name for name, one in recording.data_vars.items() if "quantity" in one.attrs]
     if not names:
         raise DataError("A recording needs at least one sensor channel, this one has none.")

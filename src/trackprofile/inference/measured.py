@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from trackprofile.conditioning.clock import MENDED
 from trackprofile.conditioning.faults import (
     GAP,
     LEFT_OUT,
@@ -20,6 +21,7 @@ from trackprofile.conditioning.faults import (
 )
 from trackprofile.conditioning.mounting import freed_of_gravity
 from trackprofile.contracts import Channel, channels
+from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.ride import Ride, Walk, build_ride, with_offsets
 from trackprofile.inference.smoother import Filter, Start, prepare, start_of_ride
@@ -124,7 +126,10 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
         marked(frozenset({FaultKind.SATURATED})),
         marked(frozenset(FaultKind) - {FaultKind.SATURATED}),
         faults,
-        tuple(note for _, note in upright if note),
+        (
+            *(step for step in steps_of(recording) if step.startswith(MENDED)),
+            *(note for _, note in upright if note),
+        ),
     )
 
 

@@ -21,74 +21,43 @@ from __future__ import annotations
 from pathlib import Path
 
 import xarray as xr
-from pydantic import Field, PositiveFloat
 
-from trackprofile.contracts import QUANTITIES, Channel, build_recording, channels
+from trackprofile.contracts import QUANTITIES, channels
 from trackprofile.contracts.rows import steps_of
-from trackprofile.errors import DataError, FileError
+from trackprofile.errors import FileError
 from trackprofile.io import table, toml_document
 from trackprofile.io.atomic import whole_files
-from trackprofile.units import unit_factor
+from trackprofile.io.recording_columns import WORDS, recording_of
+from trackprofile.io.recording_document import Document
 
 NAME = "a recording as a table with a TOML of the same name beside it that explains it"
 HOLDS = ("recording",)
-SUFFIXES = (".toml", *table.SUFFIXES)
+SUFFIXES = (".toml", *(suffix for suffix in table.LOGGER_SUFFIXES if suffix != ".nc"))
 
-_DIMENSIONS = {"time": "time", "distance": "length", "speed": "speed"}
 _SI = {"time": "s", "distance": "m", "speed": "m/s"}
-_WORDS = ("line", "direction", "source", "vehicle")
-
-
-class _Column(toml_document.Strict):
-    column: str
-    unit: str
-
-
-class _Recording(toml_document.Strict):
-    data: str
-    time: _Column | None = None
-    distance: _Column | None = None
-    speed: _Column | None = None
-    line: str = ""
-    direction: str = ""
-    source: str = ""
-    vehicle: str = ""
-    provenance: list[str] = Field(default_factory=list)
-
-
-class _Sensor(toml_document.Strict):
-    column: str
-    unit: str
-    quantity: str
-    body: str
-    position: float
-    noise_density: PositiveFloat | None = None
-    bandwidth: PositiveFloat | None = None
-    valid: str | None = None
-
-
-class _Document(toml_document.Strict):
-    recording: _Recording
-    sensor: list[_Sensor] = Field(min_length=1)
 
 
 def sniff(path: Path) -> bool:
     """Whether it is a TOML, or a table that has one beside it and is no profile."""
     if path.suffix.lower() == ".toml":
         return True
-    return path.with_suffix(".toml").is_file() and "elevation_m" not in table.column_names(path)
+    if not path.with_suffix(".toml").is_file():
+        return False
+    return path.suffix.lower() not in table.SUFFIXES or "elevation_m" not in table.column_names(
+        path
+    )
 
 
 def read(path: Path) -> xr.Dataset:
     """The recording that a TOML describes, given as the TOML or as the table."""
     explained = path if path.suffix.lower() == ".toml" else path.with_suffix(".toml")
-    document = toml_document.load(explained, _Document)
+    document = toml_document.load(explained, Document)
     data = explained.parent / document.recording.data
     if path != explained and data != path:
         raise FileError(f"{path}: {explained.name} beside it describes {data.name}; give the TOML.")
     if not data.is_file():
         raise FileError(f"{explained}: there is no data file {data}; correct the key 'data'.")
-    return _recording(explained, data, document)
+    return recording_of(explained, data, document)
 
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
@@ -106,8 +75,10 @@ def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
         columns[channel.name] = channel.values
         if channel.valid is not None and not channel.valid.all():
             columns[f"{channel.name}_valid"] = channel.valid
+    units = {name: unit for name, unit in _SI.items() if name in columns}
+    units |= {one.name: QUANTITIES[one.quantity][0] for one in channels(dataset)}
     with whole_files(data, explained) as (data_file, toml_file):
-        table.write_columns(data_file, columns)
+        table.write_columns(data_file, columns, units)
         toml_file.write_text(_explanation(dataset, data.name, columns), encoding="utf-8")
     return (data, explained)
 
@@ -122,67 +93,15 @@ def _spare_strangers(path: Path, data: Path, explained: Path) -> None:
 
 def _explains(explained: Path, data: Path) -> bool:
     try:
-        return toml_document.load(explained, _Document).recording.data == data.name
+        return toml_document.load(explained, Document).recording.data == data.name
     except FileError:
         return False
-
-
-def _recording(explained: Path, data: Path, document: _Document) -> xr.Dataset:
-    head, sensors = document.recording, document.sensor
-    moves = {name: one for name in _DIMENSIONS if (one := getattr(head, name)) is not None}
-    with table.located(explained):
-        factors = {name: _factor(one, _DIMENSIONS[name]) for name, one in moves.items()}
-        sensor_factors = [_factor(one, _dimension(one)) for one in sensors]
-    values = table.read_columns(
-        data,
-        list(dict.fromkeys(one.column for one in (*moves.values(), *sensors))),
-        list(dict.fromkeys(one.valid for one in sensors if one.valid)),
-    )
-    measured = [
-        Channel(
-            name=_name(one.column),
-            values=factor * values[one.column],
-            quantity=one.quantity,
-            body=one.body,
-            position=one.position,
-            noise_density=None if one.noise_density is None else factor * one.noise_density,
-            bandwidth=one.bandwidth,
-            valid=None if one.valid is None else values[one.valid],
-        )
-        for one, factor in zip(sensors, sensor_factors, strict=True)
-    ]
-    columns = {_name(one.column): one.column for one in sensors}
-    with table.located(data, columns | {name: one.column for name, one in moves.items()}):
-        return build_recording(
-            measured,
-            **{name: factors[name] * values[one.column] for name, one in moves.items()},
-            **{word: getattr(head, word) for word in _WORDS},
-            provenance=[*head.provenance, f"read from {data.name}"],
-        )
-
-
-def _name(column: str) -> str:
-    return column.replace("/", "_")  # a slash would be a group in NetCDF
-
-
-def _dimension(sensor: _Sensor) -> str:
-    if sensor.quantity not in QUANTITIES:
-        raise DataError(
-            f"column {sensor.column!r}: its quantity is one of {', '.join(QUANTITIES)}, "
-            f"got {sensor.quantity!r}."
-        )
-    return QUANTITIES[sensor.quantity][1]
-
-
-def _factor(described: _Column | _Sensor, dimension: str) -> float:
-    with table.located(f"column {described.column!r}"):
-        return unit_factor(described.unit, dimension)
 
 
 def _explanation(dataset: xr.Dataset, data: str, columns: dict) -> str:
     head = {"data": data}
     head |= {n: {"column": n, "unit": u} for n, u in _SI.items() if n in columns}
-    head |= {word: dataset.attrs[word] for word in _WORDS if dataset.attrs.get(word)}
+    head |= {word: dataset.attrs[word] for word in WORDS if dataset.attrs.get(word)}
     head |= {"provenance": steps_of(dataset)}
     lines = ["[recording]", *_lines(head)]
     for channel in channels(dataset):

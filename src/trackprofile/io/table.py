@@ -1,25 +1,58 @@
-"""Tables of numbers, in CSV or Parquet: what profiles and recordings share."""
+"""Tables of numbers, by column, in every format that has one: what profiles and recordings share.
+
+==============================================  ============================================================
+suffix                                          format
+==============================================  ============================================================
+``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``  CSV in any dialect: :mod:`trackprofile.io.csv_dialect`
+``.parquet``                                    Parquet
+``.h5``, ``.hdf5``, ``.hdf``, ``.nc``           HDF5 and NetCDF 4: rows of numbers by their path
+``.mat``                                        MATLAB, version 5 to 7.3
+``.mf4``, ``.mdf``                              ASAM MDF, with the extra ``mdf``
+``.tdms``                                       TDMS, with the extra ``tdms``
+==============================================  ============================================================
+"""
 
 from __future__ import annotations
 
-import csv
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv as arrow_csv
-import pyarrow.parquet as parquet
-from numpy.typing import NDArray
 
 from trackprofile.errors import DataError, FileError, RowError
+from trackprofile.io import (
+    csv_table,
+    hdf5_table,
+    matlab_table,
+    mdf_table,
+    parquet_table,
+    tdms_table,
+)
+from trackprofile.io.heading import Column, Heading
 
-Column = NDArray[Any]
+_ARROW = (csv_table, parquet_table)
+_ROWS = (hdf5_table, matlab_table, mdf_table, tdms_table)
 
-SUFFIXES = (".csv", ".parquet")
+SUFFIXES = (*csv_table.SUFFIXES[:1], *parquet_table.SUFFIXES)
+"""Of tables that speak for themselves, by their columns' names."""
+
+LOGGER_SUFFIXES = tuple(
+    dict.fromkeys(suffix for module in (*_ARROW, *_ROWS) for suffix in module.SUFFIXES)
+)
+"""Of all that a TOML can explain."""
+
+
+def headings(path: Path) -> tuple[Heading, ...]:
+    """The columns of a table, and what it says of them.
+
+    Raises
+    ------
+    FileError : it is not a table, or its suffix is none of `LOGGER_SUFFIXES`.
+    """
+    return _module(path).headings(path)
 
 
 def column_names(path: Path) -> list[str]:
@@ -29,22 +62,13 @@ def column_names(path: Path) -> list[str]:
     ------
     FileError : it is not a table.
     """
-    try:
-        if _is_parquet(path):
-            return parquet.read_schema(path).names
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            names = [name.strip() for name in next(csv.reader(file), [])]
-    except (pa.ArrowException, UnicodeDecodeError, csv.Error) as error:
-        raise _no_table(path) from error
-    if not all(name.isprintable() for name in names):
-        raise _no_table(path)
-    return names
+    return [heading.name for heading in headings(path)]
 
 
 def read_columns(
-    path: Path, numbers: Sequence[str], flags: Sequence[str] = ()
+    path: Path, numbers: Sequence[str], flags: Sequence[str] = (), texts: Sequence[str] = ()
 ) -> dict[str, Column]:
-    """Some columns of a table, by name: numbers as float (empty is NaN), flags as bool.
+    """Some columns of a table, by name: numbers as float (empty is NaN), flags as bool, texts as they stand.
 
     Raises
     ------
@@ -52,24 +76,32 @@ def read_columns(
     FileError : the file is not a table.
     """
     names = column_names(path)
-    for name in (*numbers, *flags):
+    for name in (*numbers, *flags, *texts):
         if names.count(name) != 1:
             found = "is there twice" if name in names else "is missing"
             raise DataError(f"{path}: column {name!r} {found}; the columns are {', '.join(names)}.")
-    schema = pa.schema(dict.fromkeys(numbers, pa.float64()) | dict.fromkeys(flags, pa.bool_()))
-    table = (_read_parquet if _is_parquet(path) else _read_csv)(path, names, schema)
+    module = _module(path)
+    if module in _ROWS:
+        return _read_rows(path, module, numbers, flags, texts)
+    schema = pa.schema(
+        dict.fromkeys(numbers, pa.float64())
+        | dict.fromkeys(flags, pa.bool_())
+        | dict.fromkeys(texts, pa.string())
+    )
+    table = module.read(path, schema)
     return {name: _array(path, name, table[name]) for name in schema.names}
 
 
-def write_columns(path: Path, columns: Mapping[str, Column]) -> None:
-    """Write columns of equal length; NaN becomes an empty cell."""
-    table = pa.table({name: pa.array(one, from_pandas=True) for name, one in columns.items()})
-    if _is_parquet(path):
-        parquet.write_table(table, path)
-        return
-    with path.open("wb") as file:
-        file.write((",".join(map(_quoted, columns)) + "\n").encode())
-        arrow_csv.write_csv(table, file, arrow_csv.WriteOptions(include_header=False))
+def write_columns(
+    path: Path, columns: Mapping[str, Column], units: Mapping[str, str] | None = None
+) -> None:
+    """Write columns of equal length, with their units where the format has a place for them.
+
+    Raises
+    ------
+    DataError : the format cannot have a column of that name.
+    """
+    _module(path).write(path, columns, units or {})
 
 
 @contextmanager
@@ -84,62 +116,32 @@ def located(where: Path | str, columns: Mapping[str, str] | None = None) -> Iter
         raise type(error)(f"{where}: {error}") from error
 
 
-def _is_parquet(path: Path) -> bool:
-    return path.suffix.lower() == ".parquet"
+def _module(path: Path) -> ModuleType:
+    for module in (*_ARROW, *_ROWS):
+        if path.suffix.lower() in module.SUFFIXES:
+            return module
+    raise FileError(f"{path}: expected a table that ends in {', '.join(LOGGER_SUFFIXES)}.")
 
 
-def _no_table(path: Path) -> FileError:
-    kind = "Parquet table" if _is_parquet(path) else "CSV table in UTF-8"
-    return FileError(f"{path}: not a readable {kind}; copy or export it again.")
-
-
-def _read_csv(path: Path, names: list[str], schema: pa.Schema) -> pa.Table:
-    short: list[arrow_csv.InvalidRow] = []
-
-    def note(row: arrow_csv.InvalidRow) -> str:
-        short.append(row)
-        return "error"
-
-    try:
-        return arrow_csv.read_csv(
-            path,
-            # One thread: only then does Arrow know the number of a row that it cannot read.
-            arrow_csv.ReadOptions(column_names=names, skip_rows=1, use_threads=False),
-            arrow_csv.ParseOptions(invalid_row_handler=note),
-            arrow_csv.ConvertOptions(include_columns=schema.names, column_types=schema),
-        )
-    except pa.ArrowInvalid as error:
-        if short:
-            row = short[0]
-            number = (row.number or 2) - 1  # Arrow counts the header
-            problem = (
-                f"expected {row.expected_columns} values, found {row.actual_columns}; "
-                "the file is cut short or damaged: copy it again, or remove the row."
-            )
-            raise RowError(str(path), number, problem) from error
-        raise _unreadable(path, names, str(error)) from error
-
-
-def _unreadable(path: Path, names: list[str], message: str) -> DataError:
-    found = re.search(r"column #(\d+): (?:Row #(\d+): )?.*invalid value '(.*)'", message, re.DOTALL)
-    if found is None or found[2] is None:
-        reason = " ".join(message.split())
-        return DataError(f"{path}: not a whole CSV table; copy or export it again ({reason}).")
-    column = names[int(found[1])]
-    problem = f"expected a number, found {found[3]!r}; mend the cell, or leave it empty."
-    return RowError(f"{path}: column {column!r}", int(found[2]) - 1, problem)
-
-
-def _read_parquet(path: Path, names: list[str], schema: pa.Schema) -> pa.Table:
-    try:
-        table = parquet.read_table(path, columns=schema.names)
-    except (pa.ArrowException, OSError) as error:
-        raise _no_table(path) from error
-    try:
-        return table.cast(schema)
-    except pa.ArrowException as error:
-        reason = " ".join(str(error).split())
-        raise DataError(f"{path}: a column does not hold numbers ({reason}).") from error
+def _read_rows(
+    path: Path,
+    module: ModuleType,
+    numbers: Sequence[str],
+    flags: Sequence[str],
+    texts: Sequence[str],
+) -> dict[str, Column]:
+    if texts:
+        raise DataError(f"{path}: column {texts[0]!r} holds numbers, no text; give its unit.")
+    reading: Callable[[Path, Sequence[str]], dict[str, Column]] = module.read
+    found = reading(path, [*numbers, *flags])
+    for name in flags:
+        wrong = ~np.isin(found[name], (0.0, 1.0))
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            problem = f"expected 1 or 0, found {found[name][row]:g}."
+            raise RowError(f"{path}: column {name!r}", row + 1, problem)
+        found[name] = found[name].astype(bool)
+    return found
 
 
 def _array(path: Path, name: str, column: pa.ChunkedArray) -> Column:
@@ -147,7 +149,3 @@ def _array(path: Path, name: str, column: pa.ChunkedArray) -> Column:
         row = int(np.argmax(column.is_null().to_numpy())) + 1
         raise RowError(f"{path}: column {name!r}", row, "expected 1 or 0, found an empty cell.")
     return column.to_numpy()
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\r\n') else name

@@ -1,0 +1,102 @@
+"""Tables in CSV, in whatever dialect."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.csv as arrow_csv
+
+from trackprofile.errors import DataError, RowError
+from trackprofile.io.csv_dialect import MISSING, Dialect, find_dialect, no_table
+from trackprofile.io.heading import Column, Heading
+
+SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
+
+
+def headings(path: Path) -> tuple[Heading, ...]:
+    """The columns of a table."""
+    dialect = _dialect(path)
+    return tuple(map(Heading, dialect.names, dialect.units))
+
+
+def read(path: Path, schema: pa.Schema) -> pa.Table:
+    """The columns of the schema, by name and type.
+
+    Raises
+    ------
+    DataError : it is cut short, or a cell does not hold what the schema says; the row is named.
+    """
+    dialect = _dialect(path)
+    short: list[arrow_csv.InvalidRow] = []
+
+    def note(row: arrow_csv.InvalidRow) -> str:
+        short.append(row)
+        return "error"
+
+    source, separator = path, dialect.separator
+    if separator == " ":
+        packed = re.sub(r"[ \t]+", " ", path.read_text(dialect.encoding))
+        source = pa.BufferReader(re.sub(r"(?m)^ | $", "", packed).encode())
+    try:
+        return arrow_csv.read_csv(
+            source,
+            arrow_csv.ReadOptions(
+                column_names=dialect.names,
+                skip_rows=dialect.skipped,
+                encoding="utf-8" if separator == " " else dialect.encoding,
+                # One thread: only then does Arrow know the number of a row that it cannot read.
+                use_threads=False,
+            ),
+            arrow_csv.ParseOptions(delimiter=separator, invalid_row_handler=note),
+            arrow_csv.ConvertOptions(
+                include_columns=schema.names,
+                column_types=schema,
+                decimal_point=dialect.decimal,
+                null_values=list(MISSING),
+            ),
+        )
+    except pa.ArrowInvalid as error:
+        if short:
+            row = short[0]
+            number = (row.number or dialect.skipped + 1) - dialect.skipped
+            problem = (
+                f"expected {row.expected_columns} values, found {row.actual_columns}; "
+                "the file is cut short or damaged: copy it again, or remove the row."
+            )
+            raise RowError(str(path), number, problem) from error
+        raise _unreadable(path, dialect, str(error)) from error
+    except UnicodeError as error:
+        raise no_table(path) from error
+
+
+def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
+    """Write columns with commas and points; NaN becomes an empty cell. Units stand in the names, if anywhere."""
+    table = pa.table({name: pa.array(one, from_pandas=True) for name, one in columns.items()})
+    with path.open("wb") as file:
+        file.write((",".join(map(_quoted, columns)) + "\n").encode())
+        arrow_csv.write_csv(table, file, arrow_csv.WriteOptions(include_header=False))
+
+
+def _dialect(path: Path) -> Dialect:
+    try:
+        return find_dialect(path)
+    except csv.Error as error:
+        raise no_table(path) from error
+
+
+def _unreadable(path: Path, dialect: Dialect, message: str) -> DataError:
+    found = re.search(r"column #(\d+): (?:Row #(\d+): )?.*invalid value '(.*)'", message, re.DOTALL)
+    if found is None or found[2] is None:
+        reason = " ".join(message.split())
+        return DataError(f"{path}: not a whole CSV table; copy or export it again ({reason}).")
+    column = dialect.names[int(found[1])]
+    problem = f"expected a number, found {found[3]!r}; mend the cell, or leave it empty."
+    return RowError(f"{path}: column {column!r}", int(found[2]) - dialect.skipped, problem)
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\r\n') else name

@@ -1,0 +1,103 @@
+"""Rows of numbers in HDF5 and NetCDF 4, and in MATLAB's files from version 7.3 on, which are HDF5 too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from trackprofile.errors import FileError
+from trackprofile.io.heading import Column, Heading, as_numbers, check_size
+
+SUFFIXES = (".h5", ".hdf5", ".hdf", ".nc")
+
+_UNITS = ("units", "unit", "Units", "Unit")
+_DEEPEST = 8
+
+
+def headings(path: Path) -> tuple[Heading, ...]:
+    """The rows of numbers in a file, by their path in it; groups and matrices are passed over."""
+    with opened(path) as file:
+        return tuple(
+            Heading(name, _unit(one), int(one.size or 0), _clock(file, one))
+            for name, one in _rows(file)
+        )
+
+
+def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """Some of them, by name.
+
+    Raises
+    ------
+    FileError : the file is damaged, or claims to hold more than it can.
+    """
+    with opened(path) as file:
+        rows = {name: one for name, one in _rows(file) if name in names}
+        check_size(path, 8.0 * sum(int(one.size or 0) for one in rows.values()))
+        return {name: as_numbers(path, name, np.ravel(one[()])) for name, one in rows.items()}
+
+
+def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
+    """Write each column as a data set of its name, with its unit."""
+    with h5py.File(path, "w") as file:
+        for name, values in columns.items():
+            file.create_dataset(name, data=values)
+            if name in units:
+                file[name].attrs["units"] = units[name]
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[h5py.File]:
+    """The file, with the library's errors as ours."""
+    try:
+        with h5py.File(path) as file:
+            yield file
+    except (OSError, KeyError, ValueError, RuntimeError, TypeError, MemoryError) as error:
+        if isinstance(error, FileError):
+            raise
+        raise FileError(f"{path}: not a readable HDF5 file; copy or export it again.") from error
+
+
+def _rows(group: h5py.Group, above: str = "", depth: int = 0) -> Iterator[tuple[str, h5py.Dataset]]:
+    """Data sets of numbers with at most one dimension longer than 1; links to other files are not followed."""
+    for key in group:
+        name = f"{above}{key}"
+        if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+            continue
+        item = group[key]
+        if isinstance(item, h5py.Group):
+            # MATLAB keeps the insides of cells in groups that begin so.
+            if depth < _DEEPEST and not str(key).startswith("#"):
+                yield from _rows(item, f"{name}/", depth + 1)
+        elif isinstance(item, h5py.Dataset) and _is_row(item):
+            yield name, item
+
+
+def _is_row(item: h5py.Dataset) -> bool:
+    if item.dtype.kind not in "fiub" or item.shape is None or item.external:
+        return False
+    return sum(length != 1 for length in item.shape) == 1
+
+
+def _unit(item: h5py.Dataset) -> str:
+    for key in _UNITS:
+        value = item.attrs.get(key)
+        if isinstance(value, bytes):
+            return value.decode("utf-8", "replace")
+        if isinstance(value, str):
+            return value
+    return ""
+
+
+def _clock(file: h5py.File, item: h5py.Dataset) -> str:
+    """The coordinate along the item's dimension, as NetCDF has it, if that is a time."""
+    try:
+        scales = [one for one in item.dims[0].values() if one.name]
+    except (RuntimeError, KeyError):
+        return ""
+    names = [str(one.name).lstrip("/") for one in scales if "time" in str(one.name).lower()]
+    same = [name for name in names if getattr(file[name], "shape", None) == item.shape]
+    return same[0] if same else ""

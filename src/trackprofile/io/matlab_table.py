@@ -1,0 +1,98 @@
+"""Rows of numbers in MATLAB's files: version 5 to 7 by SciPy, 7.3 as the HDF5 that it is.
+
+SciPy builds arrays only: what a file holds of functions and objects is not run.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.io import loadmat, savemat, whosmat
+from scipy.io.matlab import MatReadError
+
+from trackprofile.errors import DataError, FileError
+from trackprofile.io import hdf5_table
+from trackprofile.io.heading import Column, Heading, as_numbers, check_size
+
+SUFFIXES = (".mat",)
+
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_NUMERIC = {
+    "double",
+    "single",
+    "logical",
+    *(f"{u}int{b}" for u in ("", "u") for b in (8, 16, 32, 64)),
+}
+_DAMAGED = (
+    MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, NotImplementedError, MemoryError,
+    OverflowError, AttributeError, struct.error, zlib.error, OSError,
+)  # fmt: skip
+"""What SciPy raises for files that it cannot read."""
+
+LONGEST_NAME = 31
+"""Characters of a variable's name in version 5."""
+
+
+def headings(path: Path) -> tuple[Heading, ...]:
+    """The rows of numbers in a file; structures and cells are passed over."""
+    if _is_hdf5(path):
+        return hdf5_table.headings(path)
+    try:
+        found = whosmat(path)
+    except _DAMAGED as error:
+        raise _no_table(path) from error
+    return tuple(
+        Heading(name, rows=int(np.prod(shape, dtype=float)))
+        for name, shape, kind in found
+        if kind in _NUMERIC and sum(length != 1 for length in shape) == 1
+    )
+
+
+def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """Some of them, by name.
+
+    Raises
+    ------
+    FileError : the file is damaged, or claims to hold more than it can.
+    """
+    if _is_hdf5(path):
+        return hdf5_table.read(path, names)
+    rows = {one.name: one.rows for one in headings(path) if one.name in names}
+    check_size(path, 8.0 * sum(rows.values()))
+    try:
+        found = loadmat(path, variable_names=list(rows), squeeze_me=False)
+    except _DAMAGED as error:
+        raise _no_table(path) from error
+    return {name: as_numbers(path, name, np.ravel(found[name])) for name in rows if name in found}
+
+
+def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
+    """Write each column as a variable, in version 5, which has no place for units.
+
+    Raises
+    ------
+    DataError : a name is none that MATLAB can have.
+    """
+    for name in columns:
+        if not (name.isidentifier() and name.isascii() and len(name) <= LONGEST_NAME):
+            raise DataError(
+                f"{path}: column {name!r}: MATLAB's names are up to {LONGEST_NAME} letters, digits and "
+                "underlines; rename it, or write another format."
+            )
+    savemat(path, {name: values[:, None] for name, values in columns.items()}, do_compression=True)
+
+
+def _is_hdf5(path: Path) -> bool:
+    with path.open("rb") as file:
+        if file.read(8) == _HDF5_SIGNATURE:
+            return True
+        file.seek(512)  # MATLAB writes a text before
+        return file.read(8) == _HDF5_SIGNATURE
+
+
+def _no_table(path: Path) -> FileError:
+    return FileError(f"{path}: not a readable MATLAB file; copy or export it again.")

@@ -1,0 +1,122 @@
+"""Channels of loggers' files in ASAM MDF 3 and 4, by the library asammdf, which the extra ``mdf`` installs.
+
+Of a channel's conversion only a line is applied: MDF also knows formulas as texts, which nobody should run.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackprofile.errors import DataError, FileError
+from trackprofile.io.heading import Column, Heading, as_numbers, check_size, unique
+
+SUFFIXES = (".mf4", ".mdf", ".dl3")
+
+_LINES = {None, 0, 1, 65535}
+"""Conversion types that are none or a line, in both versions; in version 3 a line is 0, in version 4 it is 1."""
+
+
+def headings(path: Path) -> tuple[Heading, ...]:
+    """The channels of a file, each with its group's clock."""
+    with _opened(path) as file:
+        return tuple(heading for heading, _ in _channels(file))
+
+
+def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """Some of them, by name, in the units that the file states.
+
+    Raises
+    ------
+    FileError : asammdf is not installed, or the file is damaged.
+    DataError : a channel does not hold numbers, or is defined by more than a line.
+    """
+    with _opened(path) as file:
+        chosen = [(one, place) for one, place in _channels(file) if one.name in names]
+        check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
+        return {one.name: _values(path, file, one.name, *place) for one, place in chosen}
+
+
+def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
+    """Write columns of equal length as a group of version 4; ``time`` is its clock, else the rows' numbers are."""
+    asammdf = _library(path)
+    count = len(next(iter(columns.values())))
+    clock = np.asarray(columns.get("time", np.arange(count)), np.float64)
+    signals = [
+        asammdf.Signal(np.asarray(values), clock, name=name, unit=units.get(name, ""))
+        for name, values in columns.items()
+        if name != "time"
+    ]
+    with asammdf.MDF(version="4.10") as file:
+        file.append(signals, comment="trackprofile")
+        file.save(path, overwrite=True)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    asammdf = _library(path)
+    try:
+        with path.open("rb") as stream, asammdf.MDF(stream, process_bus_logging=False) as file:
+            yield file
+    except (DataError, FileError):
+        raise
+    # Of a damaged file the library raises whatever its parsing meets.
+    except Exception as error:
+        raise FileError(f"{path}: not a readable MDF file; copy or export it again.") from error
+
+
+def _library(path: Path) -> Any:
+    try:
+        import asammdf
+        from asammdf.blocks import mdf_v3, mdf_v4
+    except ImportError as error:
+        raise FileError(
+            f"{path}: MDF files need the library asammdf; install it: pip install 'trackprofile[mdf]'."
+        ) from error
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    for version in (mdf_v3.MDF3, mdf_v4.MDF4):
+        # Its own way to end closes what a damaged file never opened, and complains of that on standard error.
+        version.__del__ = _ended
+    return asammdf
+
+
+def _ended(self: Any) -> None:
+    if (scratch := getattr(self, "_tempfile", None)) is not None:
+        scratch.close()
+
+
+def _channels(file: Any) -> list[tuple[Heading, tuple[int, int]]]:
+    """All channels, with their group and number."""
+    found, groups, places = [], [], []
+    for g, group in enumerate(file.groups):
+        master = file.masters_db.get(g)
+        clock = "" if master is None else group.channels[master].name
+        for c, channel in enumerate(group.channels):
+            rows = int(group.channel_group.cycles_nr)
+            found.append(
+                Heading(channel.name, channel.unit or "", rows, "" if c == master else clock)
+            )
+            groups.append(str(g))
+            places.append((g, c))
+    return list(zip(unique(found, groups), places, strict=True))
+
+
+def _values(path: Path, file: Any, name: str, group: int, number: int) -> Column:
+    channel = file.groups[group].channels[number]
+    if file.masters_db.get(group) == number:
+        return as_numbers(path, name, file.get_master(group))
+    conversion = channel.conversion
+    kind = None if conversion is None else conversion.conversion_type
+    if kind not in _LINES:
+        raise DataError(
+            f"{path}: channel {name!r} is converted by more than a line; export it in physical units."
+        )
+    raw = as_numbers(path, name, file.get(group=group, index=number, raw=True).samples)
+    if conversion is None or kind == 65535 or not hasattr(conversion, "a"):
+        return raw
+    return conversion.a * raw + conversion.b

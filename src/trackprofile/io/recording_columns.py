@@ -1,0 +1,209 @@
+"""From the columns that a TOML explains to a recording: units, clocks, what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from trackprofile.conditioning.clock import MENDED, mend
+from trackprofile.conditioning.faults import ClockFault
+from trackprofile.conditioning.time_base import Series, on_one_base
+from trackprofile.contracts import QUANTITIES, Channel, build_recording
+from trackprofile.errors import DataError
+from trackprofile.io import table
+from trackprofile.io.recording_document import Document, Quantity, Sensor
+from trackprofile.io.timestamps import FORMS, seconds
+from trackprofile.motion import filled
+from trackprofile.units import unit_factor
+
+Array = NDArray[np.float64]
+
+DIMENSIONS = {"distance": "length", "speed": "speed"}
+WORDS = ("line", "direction", "source", "vehicle")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What was read, in SI: how the train moved, the channels, and the clock of each by name; None: the rows."""
+
+    motion: dict[str, Array]
+    channels: tuple[Channel, ...]
+    clock_of: Mapping[str, Quantity | None]
+    clocks: Mapping[Quantity, Array]
+
+
+def recording_of(explained: Path, data: Path, document: Document) -> xr.Dataset:
+    """The recording that the TOML ``explained`` describes in the table ``data``.
+
+    Raises
+    ------
+    DataError : a column, unit or value cannot be used; the message names it.
+    """
+    read = _read(explained, data, document)
+    head = document.recording
+    columns = {_name(one.column): one.column for one in document.sensor}
+    for name in ("time", *DIMENSIONS):
+        if (one := getattr(head, name)) is not None:
+            columns[name] = one.column
+    said = {word: getattr(head, word) for word in WORDS}
+    with table.located(data, columns):
+        together = len(set(read.clock_of.values())) == 1
+        found, notes = _on_one_clock(read) if together else _on_many_clocks(read)
+        steps = [*head.provenance, f"read from {data.name}", *(MENDED + note for note in notes)]
+        return build_recording(**found, **said, provenance=steps)
+
+
+def _read(explained: Path, data: Path, document: Document) -> Columns:
+    head, sensors = document.recording, document.sensor
+    stated = {one.name: one.clock for one in table.headings(data)}
+    moves = {name: one for name in DIMENSIONS if (one := getattr(head, name)) is not None}
+
+    def clock(column: str, own: Quantity | None = None) -> Quantity | None:
+        by_file = stated.get(column)
+        return own or head.time or (Quantity(column=by_file, unit="s") if by_file else None)
+
+    clock_of = {_name(one.column): clock(one.column, one.time) for one in sensors}
+    clock_of |= {name: clock(one.column) for name, one in moves.items()}
+    clocks = [one for one in dict.fromkeys(clock_of.values()) if one]
+    with table.located(explained):
+        factors = {name: _factor(one, DIMENSIONS[name]) for name, one in moves.items()}
+        sensor_factors = [_factor(one, _dimension(one)) for one in sensors]
+        rates = {one: _factor(one, "time") for one in clocks if one.unit not in FORMS}
+    numbers = [*moves.values(), *sensors, *rates]
+    values = table.read_columns(
+        data,
+        list(dict.fromkeys(one.column for one in numbers)),
+        list(dict.fromkeys(one.valid for one in sensors if one.valid)),
+        [one.column for one in clocks if one not in rates],
+    )
+    return Columns(
+        {name: factor * values[moves[name].column] for name, factor in factors.items()},
+        tuple(_channel(one, f, values) for one, f in zip(sensors, sensor_factors, strict=True)),
+        clock_of,
+        {
+            one: rates[one] * values[one.column]
+            if one in rates
+            else seconds(data, one.column, values[one.column], one.unit)
+            for one in clocks
+        },
+    )
+
+
+def _on_one_clock(read: Columns) -> tuple[dict[str, Any], list[str]]:
+    """What `build_recording` takes, with the clock and the speed mended, and sentences on that."""
+    (clock,) = set(read.clock_of.values())
+    motion, notes, faults = dict(read.motion), _missing(read.channels), None
+    channels = read.channels
+    if clock is not None:
+        time = read.clocks[clock]
+        mended = mend(time, motion.get("distance"), motion.get("speed"))
+        notes += mended.notes
+        motion = {name: values[mended.kept] for name, values in motion.items()}
+        motion["time"] = mended.time
+        channels = tuple(
+            replace(one, values=one.values[mended.kept], valid=_kept(one, mended.kept))
+            for one in channels
+        )
+        faults = ClockFault.JUMP * mended.jumped + ClockFault.REPEATED * mended.repeated
+    speed, at = motion.get("speed"), motion.get("time", motion.get("distance"))
+    if speed is not None and at is not None and not np.all(np.isfinite(speed)):
+        dropped = ~np.isfinite(speed)
+        motion["speed"] = filled(speed, at)
+        notes.append(f"the speed is missing in {np.count_nonzero(dropped)} rows: filled")
+        faults = (0 if faults is None else faults) + ClockFault.SPEED * dropped
+    return {"channels": channels, **motion, "clock_fault": faults}, notes
+
+
+def _on_many_clocks(read: Columns) -> tuple[dict[str, Any], list[str]]:
+    """The same of channels that have clocks of their own."""
+    if None in read.clock_of.values():
+        without = [name for name, clock in read.clock_of.items() if clock is None]
+        raise DataError(
+            f"{', '.join(map(repr, without))} has no clock, others have; give it one (time), or leave it out."
+        )
+    notes, mended = _missing(read.channels), {}
+    for clock, time in read.clocks.items():
+        mended[clock] = mend(time)
+        notes += [f"{clock.column}: {note}" for note in mended[clock].notes]
+    epoch = min(float(one.time[0]) for one in mended.values())
+
+    def series(name: str, values: Array) -> Series:
+        clock = read.clock_of[name]
+        assert clock is not None
+        if len(values) != len(mended[clock].kept):
+            raise DataError(
+                f"{name!r} has {len(values)} values and its clock {clock.column!r} {len(mended[clock].kept)}; "
+                "choose its own clock."
+            )
+        kept = values[mended[clock].kept]
+        return Series(mended[clock].time - epoch, kept)
+
+    sensors = {
+        one.name: series(one.name, np.where(_kept(one, slice(None)), one.values, np.nan))
+        for one in read.channels
+    }
+    motion = {name: _finite(series(name, values)) for name, values in read.motion.items()}
+    base, values, moved = on_one_base(sensors, motion)
+    channels = tuple(
+        replace(one, values=values[one.name], valid=np.isfinite(values[one.name]))
+        for one in read.channels
+    )
+    notes.append(f"{len(mended)} clocks were brought to one")
+    return {"channels": channels, "time": base, **moved}, notes
+
+
+def _finite(series: Series) -> Series:
+    known = np.isfinite(series.values)
+    return Series(series.time[known], series.values[known])
+
+
+def _missing(channels: tuple[Channel, ...]) -> list[str]:
+    return [
+        f"{np.count_nonzero(~np.isfinite(one.values))} samples of {one.name!r} are missing"
+        for one in channels
+        if one.valid is not None and not np.isfinite(one.values[~one.valid]).all()
+    ]
+
+
+def _kept(channel: Channel, rows: Any) -> NDArray[np.bool_]:
+    valid = np.ones(len(channel.values), bool) if channel.valid is None else channel.valid
+    return valid[rows]
+
+
+def _channel(sensor: Sensor, factor: float, values: Mapping[str, Any]) -> Channel:
+    signal = factor * values[sensor.column]
+    return Channel(
+        name=_name(sensor.column),
+        values=signal,
+        quantity=sensor.quantity,
+        body=sensor.body,
+        position=sensor.position,
+        noise_density=None if sensor.noise_density is None else factor * sensor.noise_density,
+        bandwidth=sensor.bandwidth,
+        # What says of itself which samples are good has to be right; else an empty cell is a missing sample.
+        valid=np.isfinite(signal) if sensor.valid is None else values[sensor.valid],
+    )
+
+
+def _name(column: str) -> str:
+    return column.replace("/", "_")  # a slash would be a group in NetCDF
+
+
+def _dimension(sensor: Sensor) -> str:
+    if sensor.quantity not in QUANTITIES:
+        raise DataError(
+            f"column {sensor.column!r}: its quantity is one of {', '.join(QUANTITIES)}, "
+            f"got {sensor.quantity!r}."
+        )
+    return QUANTITIES[sensor.quantity][1]
+
+
+def _factor(described: Quantity | Sensor, dimension: str) -> float:
+    with table.located(f"column {described.column!r}"):
+        return unit_factor(described.unit, dimension)

@@ -1,0 +1,102 @@
+"""Channels of loggers' files in TDMS, by the library npTDMS, which the extra ``tdms`` installs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackprofile.errors import DataError, FileError
+from trackprofile.io.heading import Column, Heading, as_numbers, check_size, unique
+
+SUFFIXES = (".tdms",)
+
+CLOCK = " (time)"
+"""Ends the name of the column with the times of a channel that has a start and an interval only."""
+
+
+def headings(path: Path) -> tuple[Heading, ...]:
+    """The channels of a file, and a column of times for each that is sampled evenly."""
+    with _opened(path) as file:
+        return tuple(heading for heading, _ in _channels(file))
+
+
+def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """Some of them, by name.
+
+    Raises
+    ------
+    FileError : npTDMS is not installed, or the file is damaged.
+    DataError : a channel does not hold numbers.
+    """
+    with _opened(path) as file:
+        chosen = [(one, channel) for one, channel in _channels(file) if one.name in names]
+        check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
+        return {
+            one.name: as_numbers(
+                path, one.name, channel.time_track() if _is_clock(one) else channel[:]
+            )
+            for one, channel in chosen
+        }
+
+
+def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
+    """Write each column as a channel of one group, with its unit."""
+    nptdms = _library(path)
+    channels = [
+        nptdms.ChannelObject(
+            "recording",
+            name,
+            np.asarray(values, np.uint8) if values.dtype == bool else np.asarray(values),
+            properties={"unit_string": units.get(name, "")},
+        )
+        for name, values in columns.items()
+    ]
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment(channels)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    nptdms = _library(path)
+    try:
+        with path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
+            yield file
+    except (DataError, FileError):
+        raise
+    # Of a damaged file the library raises whatever its parsing meets.
+    except Exception as error:
+        raise FileError(f"{path}: not a readable TDMS file; copy or export it again.") from error
+
+
+def _library(path: Path) -> Any:
+    try:
+        import nptdms
+    except ImportError as error:
+        raise FileError(
+            f"{path}: TDMS files need the library npTDMS; install it: pip install 'trackprofile[tdms]'."
+        ) from error
+    return nptdms
+
+
+def _channels(file: Any) -> list[tuple[Heading, Any]]:
+    """All channels, each after its clock."""
+    found, groups, channels = [], [], []
+    for group in file.groups():
+        for channel in group.channels():
+            unit = str(channel.properties.get("unit_string", ""))
+            even = float(channel.properties.get("wf_increment", 0.0) or 0.0) > 0.0
+            clock = channel.name + CLOCK if even else ""
+            if even:
+                found.append(Heading(clock, "s", len(channel)))
+            found.append(Heading(channel.name, unit, len(channel), clock))
+            groups += [group.name] * (1 + even)
+            channels += [channel] * (1 + even)
+    return list(zip(unique(found, groups), channels, strict=True))
+
+
+def _is_clock(heading: Heading) -> bool:
+    return heading.name.endswith(CLOCK)

@@ -1,0 +1,89 @@
+"""Times and dates as loggers write them in texts, to seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+from numpy.typing import NDArray
+
+from trackprofile.errors import RowError
+
+Array = NDArray[np.float64]
+
+pc: Any = (
+    pyarrow.compute
+)  # its functions are made when it is imported, which type checkers do not see
+
+_CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2})(?:[.,](?P<f>\d*))?"
+_ZONE = r" ?(?:Z|(?P<zone>[+-]\d{2}):?(?P<quarter>\d{2})?)?"
+
+
+def _date(first: str, second: str, third: str) -> str:
+    parts = {"Y": r"(?P<Y>\d{4})", "M": r"(?P<M>\d{1,2})", "D": r"(?P<D>\d{1,2})"}
+    return rf"^{parts[first]}[-./]{parts[second]}[-./]{parts[third]}(?: +|T){_CLOCK}{_ZONE}$"
+
+
+FORMS: Mapping[str, str] = {
+    "Y-M-D": _date("Y", "M", "D"),
+    "D.M.Y": _date("D", "M", "Y"),
+    "M/D/Y": _date("M", "D", "Y"),
+    "h:m:s": rf"^{_CLOCK}$",
+}
+"""What stands for the unit of a time that is a text, and how such a text reads; any of - . / stands between numbers."""
+
+DAY = 86400.0  # s
+
+
+def seconds(path: Path, column: str, texts: NDArray[np.object_], form: str) -> Array:
+    """Texts (n,) as seconds since 1970, or since the first midnight; NaN where there is none.
+
+    Raises
+    ------
+    RowError : a text does not have that form.
+
+    Examples
+    --------
+    >>> here = Path("a.csv")
+    >>> seconds(here, "t", np.array(["23:59:59,5", None, "0:00:00"], object), "h:m:s")
+    array([86399.5,     nan, 86400. ])
+    >>> seconds(here, "t", np.array(["02.01.1970 01:00:00.25 +01"], object), "D.M.Y")
+    array([86400.25])
+    """
+    stamps = pc.utf8_trim_whitespace(pa.array(texts, pa.string()))
+    found = pc.extract_regex(stamps, FORMS[form])
+    bad = (stamps.is_valid().to_numpy(False)) & ~found.is_valid().to_numpy(False)
+    if bad.any():
+        row = int(np.argmax(bad))
+        problem = f"expected a time as {form}, found {texts[row]!r}; mend it, or leave it empty."
+        raise RowError(f"{path}: column {column!r}", row + 1, problem)
+    part = {field.name: found.field(field.name) for field in found.type}
+    h, m, s = (_whole(part[name]) for name in ("h", "m", "s"))
+    fraction = pc.binary_join_element_wise("0.", part["f"], "0", "").cast(pa.float64())
+    result = 3600.0 * h + 60.0 * m + s + fraction.to_numpy(zero_copy_only=False)
+    if form != "h:m:s":
+        months = 12 * (_whole(part["Y"]) - 1970) + _whole(part["M"]) - 1
+        days = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
+        zone = _whole(part["zone"]) * 3600.0
+        zone += np.where(zone < 0, -60.0, 60.0) * _whole(part["quarter"])
+        result += DAY * (days + _whole(part["D"]) - 1) - zone
+    result[~found.is_valid().to_numpy(False)] = np.nan
+    return result if form != "h:m:s" else _past_midnight(result)
+
+
+def _whole(texts: pa.Array) -> NDArray[np.int64]:
+    """Whole numbers, 0 where there is none."""
+    signed = pc.replace_substring(texts, "+", "")
+    filled = pc.if_else(pc.equal(pc.utf8_length(signed), 0), "0", signed)
+    return np.asarray(pc.fill_null(filled, "0").cast(pa.int64()))
+
+
+def _past_midnight(times: Array) -> Array:
+    known = np.isfinite(times)
+    back = np.diff(times[known], prepend=times[known][:1]) < -DAY / 2
+    times[known] += DAY * np.cumsum(back)
+    return times
