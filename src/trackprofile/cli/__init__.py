@@ -17,6 +17,7 @@ from trackprofile import __version__
 from trackprofile.cli import show
 from trackprofile.cli.assess import assess, changes, report
 from trackprofile.cli.calibrate import calibrate
+from trackprofile.cli.inspect import inspect
 from trackprofile.cli.options import (
     From,
     Json,
@@ -157,6 +158,7 @@ def _only_of(method: Method, **given: object) -> None:
             )
 
 
+app.command()(inspect)
 app.command()(calibrate)
 app.command()(simulate)
 app.command()(assess)

@@ -52,14 +52,17 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table: the first column to the left, the others, numbers, to the right."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     lines = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for number, head in enumerate(heads):
         lines.add_column(head, justify="right" if number else "left")
     for row in rows:
-        lines.add_row(*row)
+        lines.add_row(*map(Text, row))
     # A pipe has no width: what a program reads must not be wrapped.
-    (Console() if sys.stdout.isatty() else Console(width=200)).print(lines)
+    # What stands in brackets is a unit in a column's name, not a colour.
+    width = None if sys.stdout.isatty() else 200
+    Console(width=width, markup=False, emoji=False).print(lines)
 
 
 def comparison(result: Comparison) -> None:

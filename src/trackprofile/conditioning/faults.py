@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from trackprofile.bands import runs
 from trackprofile.contracts import channels
@@ -27,6 +28,9 @@ FLAT = 3
 
 STUCK = 20
 """Times the usual number of equal samples in a row that make a sensor stuck, and at least so many samples."""
+
+BESIDE = 2
+"""Samples beside other faults in which no spike is looked for."""
 
 SPIKE = 30.0
 """Times the usual departure from the curve through the samples around that makes a spike."""
@@ -125,24 +129,26 @@ def find_faults(recording: xr.Dataset) -> tuple[Fault, ...]:
     for channel in parts:
         valid = np.asarray(channel.valid, bool)
         at = np.flatnonzero(valid)
-        values = channel.values[at]
-        rules = (
-            (FaultKind.SATURATED, at_end_of_range(values)),
-            # Where nothing at all moved, there is nothing to tell a dead sensor by.
-            (FaultKind.STUCK, stuck(values) & (not all(still))),
-            (FaultKind.REPEATED, copied(values)),
-            (FaultKind.SPIKE, spikes(values)),
-        )
-        for kind, mask in rules:
+        for kind, mask in _marks(channel.values[at], alive=not all(still)):
             found += [
                 Fault(kind, channel.name, int(at[run.start]), int(at[run.stop - 1]))
                 for run in runs(mask)
             ]
-        found += [
-            Fault(FaultKind.COARSE, channel.name, int(at[run.start]), int(at[run.stop - 1]))
-            for run in runs(resolution(values) > recorded_step(values))
-        ]
     return tuple(found)
+
+
+def _marks(values: Array, *, alive: bool) -> Iterator[tuple[FaultKind, Mask]]:
+    """Each rule and the samples that it marks; ``alive`` where anything in the recording moved at all."""
+    flat = {
+        FaultKind.SATURATED: at_end_of_range(values),
+        FaultKind.STUCK: stuck(values) & alive,
+        FaultKind.REPEATED: copied(values),
+    }
+    yield from flat.items()
+    # Where a signal breaks off it bends as at a spike.
+    broken = binary_dilation(np.any(list(flat.values()), axis=0), iterations=BESIDE)
+    yield FaultKind.SPIKE, spikes(values) & ~broken
+    yield FaultKind.COARSE, resolution(values) > recorded_step(values)
 
 
 LEFT_OUT = frozenset({FaultKind.REPEATED, FaultKind.SPIKE, FaultKind.SATURATED, FaultKind.STUCK})
@@ -200,7 +206,7 @@ def stuck(values: Array) -> Mask:
     """
     change = np.abs(np.diff(values))
     if not change.any():
-        return np.ones(len(values), bool)
+        return np.full(len(values), len(values) >= STUCK)
     starts = np.concatenate([[0], 1 + np.flatnonzero(change)])
     lengths = np.diff(starts, append=len(values))
     # The usual length is that of half the values, not of half the samples, which a stuck sensor could be.

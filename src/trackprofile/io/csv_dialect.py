@@ -63,6 +63,7 @@ class Dialect:
     names : of its columns
     units : as the header states them, "" where it does not
     skipped : lines above the first row of data
+    first : the first value in each column, "" where its beginning has none
     """
 
     encoding: str
@@ -71,6 +72,7 @@ class Dialect:
     names: tuple[str, ...]
     units: tuple[str, ...]
     skipped: int
+    first: tuple[str, ...]
 
 
 def find_dialect(path: Path) -> Dialect:
@@ -103,7 +105,23 @@ def find_dialect(path: Path) -> Dialect:
     names, units = _names(rows, header, first)
     if not all(name.isprintable() for name in names):
         raise no_table(path)
-    return Dialect(encoding, separator, decimal, names, units, first)
+    values = tuple(
+        next((row[i] for row in rows[first:] if i < len(row) and row[i].strip() not in MISSING), "")
+        for i in range(len(names))
+    )
+    return Dialect(encoding, separator, decimal, names, units, first, values)
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number, a truth or empty.
+
+    Examples
+    --------
+    >>> is_number("1,5", ","), is_number("noon", ",")
+    (True, False)
+    """
+    kind = _kind(cell, decimal)
+    return kind in {"number", "empty"} or _TRUTH.fullmatch(cell.strip()) is not None
 
 
 def no_table(path: Path) -> FileError:
@@ -135,7 +153,7 @@ def _rows(lines: list[str], separator: str) -> list[list[str]]:
 
 
 def _kind(cell: str, decimal: str) -> str:
-    """What a cell holds: "number", "other" value, "empty" or "word"."""
+    """What a cell holds: "number", "other" value (a time or a truth), "empty" or "word"."""
     cell = cell.strip()
     if cell in MISSING:
         return "empty"

@@ -11,8 +11,9 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 
 from trackprofile.errors import DataError, RowError
-from trackprofile.io.csv_dialect import MISSING, Dialect, find_dialect, no_table
+from trackprofile.io.csv_dialect import MISSING, Dialect, find_dialect, is_number, no_table
 from trackprofile.io.heading import Column, Heading
+from trackprofile.io.timestamps import form_of
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 
@@ -20,7 +21,10 @@ SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 def headings(path: Path) -> tuple[Heading, ...]:
     """The columns of a table."""
     dialect = _dialect(path)
-    return tuple(map(Heading, dialect.names, dialect.units))
+    return tuple(
+        Heading(name, unit, form="" if is_number(first, dialect.decimal) else form_of(first))
+        for name, unit, first in zip(dialect.names, dialect.units, dialect.first, strict=True)
+    )
 
 
 def read(path: Path, schema: pa.Schema) -> pa.Table:

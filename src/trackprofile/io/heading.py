@@ -31,12 +31,14 @@ class Heading:
     unit : as the file states it, "" where it does not
     rows : values it has; 0 where that is known only by reading
     clock : the name of the column with the times of its values; "" where the file does not say
+    form : of a text: one of `trackprofile.io.timestamps.FORMS` or "text"; "" is a number
     """
 
     name: str
     unit: str = ""
     rows: int = 0
     clock: str = ""
+    form: str = ""
 
 
 def unique(headings: Sequence[Heading], groups: Sequence[str]) -> tuple[Heading, ...]:

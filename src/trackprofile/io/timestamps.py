@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,24 @@ FORMS: Mapping[str, str] = {
 """What stands for the unit of a time that is a text, and how such a text reads; any of - . / stands between numbers."""
 
 DAY = 86400.0  # s
+
+
+def form_of(text: str) -> str:
+    """The form in which a time is written, "text" if in none.
+
+    What could be the second of March or the third of February is taken for the order of its land: with strokes month
+    first, unless that cannot be.
+
+    Examples
+    --------
+    >>> form_of("2.3.2024 12:00:00"), form_of("2/3/2024 12:00:00"), form_of("13/3/2024 12:00:00"), form_of("noon")
+    ('D.M.Y', 'M/D/Y', 'D.M.Y', 'text')
+    """
+    text = text.strip()
+    forms = [form for form, pattern in FORMS.items() if re.match(pattern, text)]
+    if "M/D/Y" in forms and "/" in text:
+        return "M/D/Y" if int(text.split("/")[0]) <= 12 else "D.M.Y"
+    return forms[0] if forms else "text"
 
 
 def seconds(path: Path, column: str, texts: NDArray[np.object_], form: str) -> Array:

@@ -32,10 +32,23 @@ def load(path: Path, model: type[Document]) -> Document:
         message names the first.
     """
     try:
-        return model.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return parse(path.read_text(encoding="utf-8"), path, model)
     except OSError as error:
         raise FileError(f"{path}: cannot be read ({error.strerror or error}).") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: not valid TOML: {error}.") from error
+
+
+def parse(text: str, path: Path, model: type[Document]) -> Document:
+    """The document in a text, which errors place at ``path``.
+
+    Raises
+    ------
+    FileError : as of `load`.
+    """
+    try:
+        return model.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
         raise FileError(f"{path}: not valid TOML: {error}.") from error
     except ValidationError as error:
         raise FileError(f"{path}: {_first_problem(error, model)}") from error

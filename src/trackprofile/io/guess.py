@@ -1,0 +1,157 @@
+"""What a column of a logger's file probably is, by its name, its unit and its values; for a person to correct."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.errors import UnitError
+from trackprofile.io.heading import Heading
+from trackprofile.units import FACTORS, unit_factor
+
+Array = NDArray[np.float64]
+
+
+class Role(StrEnum):
+    """What a column can be."""
+
+    TIME = "time"
+    DISTANCE = "distance"
+    SPEED = "speed"
+    VERTICAL = "vertical acceleration"
+    PITCH = "pitch rate"
+    ACCELERATION = "acceleration, not vertical"
+    RATE = "rate, not of pitch"
+    OTHER = "other"
+
+
+DIMENSIONS: Mapping[Role, str] = {
+    Role.TIME: "time",
+    Role.DISTANCE: "length",
+    Role.SPEED: "speed",
+    Role.VERTICAL: "acceleration",
+    Role.PITCH: "angular rate",
+}
+
+_ACCELERATION = r"acc|beschl|\ba_?[xyz]\b|加速度"
+_ACROSS = "lat|quer|long|längs"
+_RATE = r"gyr|rate|omega|winkelgeschw|dreh(rate|geschw)|角速度"
+_NAMES: tuple[tuple[Role, str], ...] = (
+    (Role.ACCELERATION, rf"({_ACCELERATION}).*({_ACROSS}|[_ ]?[xy]\b)|({_ACROSS}).*({_ACCELERATION})"),
+    (Role.VERTICAL, _ACCELERATION),
+    (Role.PITCH, r"pitch|nick|ピッチ"),
+    (Role.RATE, rf"({_RATE}).*(roll|yaw|gier|wank|[_ ]?[xz]\b)|(roll|yaw|gier|wank)"),
+    (Role.PITCH, _RATE),
+    (Role.SPEED, r"speed|veloc|geschw|tacho|\bv\b|速度"),
+    (Role.DISTANCE, r"dist|weg|chainage|mileage|kilomet|station|odo|距離"),
+    (Role.TIME, r"time|zeit|stamp|\bt\b|\butc|時刻"),
+)  # fmt: skip
+_BOGIE = "bogie|drehg|truck|台車"
+_REAR = "rear|trail|hint|nachl|2"
+_BODIES = (
+    (rf"({_REAR}).*({_BOGIE})|({_BOGIE}).*({_REAR})", "trailing bogie"),
+    (_BOGIE, "leading bogie"),
+    (r"axle|box|wheel|radsatz|achs|軸箱", "wheelset 1"),
+)  # fmt: skip
+
+STEADY = 0.99
+"""Share of steps in one direction that make a distance."""
+
+_FASTEST = 60.0
+"""m/s: what is above is in km/h."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Role, unit, and the body that carries it; ``sure`` where the file says the unit itself."""
+
+    role: Role
+    unit: str = ""
+    body: str = ""
+    sure: bool = False
+
+
+def guess(heading: Heading, values: Array) -> Guess:
+    """What a column, with its values (n,), probably is.
+
+    Examples
+    --------
+    >>> guess(Heading("Bogie acc z", "g"), np.array([1.0, 1.01]))
+    Guess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True)
+    >>> guess(Heading("GPS speed"), np.array([0.0, 140.0])).unit
+    'km/h'
+    """
+    if heading.form:
+        role = Role.OTHER if heading.form == "text" else Role.TIME
+        return Guess(role, heading.form if role is Role.TIME else "", sure=role is Role.TIME)
+    unit = heading.unit or _unit_in(heading.name)
+    role = _by_name(heading.name)
+    if role is Role.OTHER:
+        role = _by_unit(unit)
+        if role is Role.DISTANCE and not _goes_on(values):
+            role = Role.OTHER  # a height, or some other length
+    dimension = DIMENSIONS.get(role)
+    if dimension is None:
+        return Guess(role, unit)
+    sure = _is_of(unit, dimension)
+    body = _body(heading.name) if role in {Role.VERTICAL, Role.PITCH} else ""
+    return Guess(role, unit if sure else _by_values(role, values), body, sure)
+
+
+def _goes_on(values: Array) -> bool:
+    """Whether values rise, or fall, as a distance does."""
+    steps = np.diff(values[np.isfinite(values)])
+    return steps.size > 0 and bool(max(np.mean(steps >= 0), np.mean(steps <= 0)) > STEADY)
+
+
+def _by_name(name: str) -> Role:
+    plain = re.sub(r"[_./]+", " ", name.lower())
+    return next((role for role, words in _NAMES if re.search(words, plain)), Role.OTHER)
+
+
+def _by_unit(unit: str) -> Role:
+    return next(
+        (role for role, dimension in DIMENSIONS.items() if _is_of(unit, dimension)), Role.OTHER
+    )
+
+
+def _is_of(unit: str, dimension: str) -> bool:
+    try:
+        unit_factor(unit, dimension)
+    except UnitError:
+        return False
+    return bool(unit)
+
+
+def _unit_in(name: str) -> str:
+    """A unit at the end of a name, such as in ``distance_m`` or ``speed_km_h``."""
+    plain = name.lower().replace("_per_", "/").replace("deg", "°")
+    found = [""]
+    for unit in (unit for units in FACTORS.values() for unit in units):
+        written = unit.lower().replace("²", "2").replace(" ", "_")
+        forms = {written, written.replace("/", "_"), written.replace("/", "")}
+        found += [unit for form in forms if plain.endswith(("_" + form, " " + form))]
+    return max(found, key=len)
+
+
+def _by_values(role: Role, values: Array) -> str:
+    """The unit in which such values are likely; SI where that tells nothing."""
+    known = values[np.isfinite(values)]
+    if known.size:
+        if role is Role.VERTICAL and abs(abs(np.median(known)) - 1.0) < 0.1:
+            return "g"
+        if role is Role.SPEED and np.max(np.abs(known)) > _FASTEST:
+            return "km/h"
+        if role is Role.VERTICAL and abs(abs(np.median(known)) - 1000.0) < 100.0:
+            return "mg"
+    return next(iter(FACTORS[DIMENSIONS[role]]))
+
+
+def _body(name: str) -> str:
+    plain = name.lower()
+    return next((body for words, body in _BODIES if re.search(words, plain)), "body")
