@@ -6,7 +6,8 @@ Nothing heavy is imported before a command runs, so that help and wrong usage an
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -34,6 +35,7 @@ from trackprofile.errors import DataError, FileError, TrackprofileError
 if TYPE_CHECKING:
     import xarray as xr
 
+    from trackprofile.resume import Kept
     from trackprofile.sensor import Installation
     from trackprofile.vehicle import Vehicle
 
@@ -43,6 +45,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+INTERRUPTED_EXIT = 130
+"""As a shell has it of what ends by Ctrl-C."""
 
 
 class Method(StrEnum):
@@ -74,7 +80,10 @@ def infer(
     ] = None,
     from_m: From = None,
     to_m: To = None,
-    draws: Annotated[int, typer.Option(min=2, help="Behind the bands' uncertainty.")] = 64,
+    draws: Annotated[
+        int | None,
+        typer.Option(min=2, help="Behind the bands' uncertainty: 64, for a long ride 24."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Of the draws, or of the search.")] = 0,
     correct: Annotated[
         bool, typer.Option("--correct", help="For a layered track: correct by its full model.")
@@ -89,12 +98,16 @@ def infer(
     evaluation: Annotated[
         Evaluation, typer.Option(help="Of cross-entropy's trial profiles.")
     ] = Evaluation.MAP,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a long run that was interrupted.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Infer a track profile, with its uncertainty, from a recording.
 
     Beside PROFILE a page (.html) and a picture (.png) of the same name show it. Cross-entropy, the published
-    method that the smoother replaces, gives no uncertainty.
+    method that the smoother replaces, gives no uncertainty. A long run keeps what it has solved in a hidden folder
+    beside PROFILE until it ends.
     """
     from trackprofile import search as searches
     from trackprofile.contracts import between
@@ -103,8 +116,9 @@ def infer(
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.io.search_toml import read_search
     from trackprofile.outputs import estimate_files, summary, write_estimate
+    from trackprofile.resume import kept_beside, key_of
 
-    _only_of(method, prior=prior, correct=correct, load=load, search=search)
+    _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)
     estimate_files(output)
     measured = read_as(recording, "recording")
     car, installation = _vehicle_of(measured, recording, vehicle)
@@ -112,7 +126,18 @@ def infer(
     settings = None if search is None else read_search(search)
     measured = between(measured, from_m, to_m)
     stopped = ""
-    with show.progress_bars() as progress:
+    kept, said = None, ()
+    if method is Method.SMOOTHER:
+        settled = {
+            "vehicle": car,
+            "installation": installation,
+            "track": support,
+            "prior": spectrum,
+        }
+        key = key_of(measured, **settled, draws=draws, seed=seed, correct=correct, load=load)
+        kept, said = kept_beside(output, key, resume=resume)
+        show.note(said)
+    with show.progress_bars() as progress, _interruptible(kept):
         if method is Method.CROSS_ENTROPY:
             found = cross_entropy(
                 measured,
@@ -137,20 +162,37 @@ def infer(
                 correct=correct,
                 load=load,
                 progress=progress,
+                kept=kept,
             )
     files = list(map(str, write_estimate(found, measured, output)))
+    if kept is not None:
+        kept.discard()
     result = summary(found)
     if as_json:
         show.as_one_object({"files": files, "method": method.value} | result)
     else:
         show.profile(files, found.notes, result)
     if stopped:
-        raise typer.Exit(130 if stopped == INTERRUPTED else 1)
+        raise typer.Exit(INTERRUPTED_EXIT if stopped == INTERRUPTED else 1)
+
+
+@contextmanager
+def _interruptible(kept: Kept | None) -> Iterator[None]:
+    """Ctrl-C ends the command with what to do to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        done = 0 if kept is None else len(kept)
+        there = (
+            f"; {done} blocks are kept: go on with --resume" if done else "; nothing was written"
+        )
+        show.note([f"Interrupted{there}."])
+        raise typer.Exit(INTERRUPTED_EXIT) from None
 
 
 def _only_of(method: Method, **given: object) -> None:
     """Refuse an option of the other method, which would otherwise be passed over in silence."""
-    others = {"search"} if method is Method.SMOOTHER else {"prior", "correct", "load"}
+    others = {"search"} if method is Method.SMOOTHER else {"prior", "correct", "load", "resume"}
     for name in sorted(others & given.keys()):
         if given[name]:
             raise DataError(

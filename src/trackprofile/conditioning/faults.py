@@ -146,7 +146,9 @@ def _marks(values: Array, *, alive: bool) -> Iterator[tuple[FaultKind, Mask]]:
     }
     yield from flat.items()
     # Where a signal breaks off it bends as at a spike.
-    broken = binary_dilation(np.any(list(flat.values()), axis=0), iterations=BESIDE)
+    broken = np.asarray(
+        binary_dilation(np.any(list(flat.values()), axis=0), iterations=BESIDE), bool
+    )
     yield FaultKind.SPIKE, spikes(values) & ~broken
     yield FaultKind.COARSE, resolution(values) > recorded_step(values)
 

@@ -10,13 +10,14 @@ from trackprofile.inference.recursions import move_means, newest_places, oldest_
 
 @compiled
 def simulated(
-    states, a1, a2, entering, shaking, F_all, G_all, Q_all, slots_all, rows,
+    states, a1, a2, entering, shaking, wandering, F_all, G_all, Q_all, slots_all, rows,
     first_row, newest, signals, knots,
 ):  # pragma: no cover  # fmt: skip
     """Draws from the prior and the model: ``signals`` (rows, m) without noise, ``knots`` (bays, m).
 
     ``states`` (size, m) starts as a draw of the initial state; ``entering`` (bays, m) are the coefficients'
-    innovations, ``shaking`` (bays, n, m) standard normal for the unmodelled accelerations.
+    innovations, ``shaking`` (bays, n, m) standard normal for the unmodelled accelerations, ``wandering`` (bays,
+    sensors, m) the steps of the offsets.
     """
     n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
     ring = states.shape[0] - n
@@ -41,6 +42,10 @@ def simulated(
                 for c in range(a + 1):
                     for s in range(m):
                         states[a, s] += root[a, c] * shaking[b, c, s]
+        sensors = wandering.shape[1]
+        for i in range(sensors):
+            for s in range(m):
+                states[n - sensors + i, s] += wandering[b, i, s]
         one, two, three = oldest_places(n, ring, newest + b)
         for s in range(m):
             knots[b, s] = (states[one, s] + 4.0 * states[two, s] + states[three, s]) / 6.0

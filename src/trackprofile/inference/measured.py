@@ -62,6 +62,7 @@ class Measured:
     faulty : (n, sensors), samples with any other fault
     faults : what was found wrong, by samples of the whole recording
     notes : on what was mended
+    loud : (sensors,), root mean square of each signal about its mean over the whole recording; None: of these samples
     limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
     low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
     """
@@ -75,6 +76,7 @@ class Measured:
     faulty: Mask
     faults: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
+    loud: Array | None = None
     limits: Array | None = None
     low_pass: tuple[float | None, ...] = ()
 
@@ -222,6 +224,8 @@ def walk_of(ride: Ride, motion: Motion, sensors: Sequence[Sensor]) -> Walk:
 
 def loudness(data: Measured) -> Array:
     """Root mean square of each signal about its mean, (sensors,)."""
+    if data.loud is not None:
+        return data.loud
     columns = range(data.signals.shape[1])
     return np.array([np.std(data.signals[data.valid[:, i], i]) for i in columns], dtype=np.float64)
 

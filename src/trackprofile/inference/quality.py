@@ -35,7 +35,7 @@ NEAR = 2.5
 
 def quality(
     place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride, unexplained: Mask,
-    faulty: Mask,
+    faulty: Mask, ends: tuple[float, float],
 ) -> NDArray[np.int16]:  # fmt: skip
     """Flags of every knot.
 
@@ -45,6 +45,7 @@ def quality(
     bands : standard deviations in each, (knots,), m
     unexplained : (samples, sensors), see :func:`unexplained_samples`
     faulty : (samples, sensors), left out or weighted down
+    ends : of the whole ride, m
     """
     run = moved(data, model).distance
     flags = np.zeros(len(place), np.int16)
@@ -53,7 +54,7 @@ def quality(
         unmeasured = _prior_spread(model.spectrum, ride, D1)
         flags[bands["D1"] > UNINFORMED * unmeasured] |= Quality.UNCERTAIN
     edge = edge_distance(D1)
-    flags[(place < run[0] + edge) | (place > run[-1] - edge)] |= Quality.EDGE
+    flags[(place < ends[0] + edge) | (place > ends[1] - edge)] |= Quality.EDGE
     flags[np.interp(place, run, data.motion.speed) < SLOW] |= Quality.SLOW
     for flag, marked in (
         (Quality.SATURATED, data.saturated),

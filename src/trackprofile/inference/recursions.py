@@ -14,15 +14,15 @@ from trackprofile.inference.bay_kernels import compiled
 
 @compiled
 def covariances(
-    P, a1, a2, innovation, F_all, G_all, Q_all, slots_all, rows, variance,
+    P, a1, a2, innovation, F_all, G_all, Q_all, walk_all, slots_all, rows, variance,
     first_row, newest, gains, S, knots,
 ):  # pragma: no cover  # fmt: skip
     """Gains, innovation variances S, and the covariance row of the oldest knot at the end of each bay.
 
-    P is the initial covariance and becomes the last one. What unmodelled accelerations do within a bay, Q,
-    is added at its end.
+    P is the initial covariance and becomes the last one. What unmodelled accelerations do within a bay, Q, and how
+    far the offsets walk are added at its end.
     """
-    size, n = P.shape[0], F_all.shape[1]
+    size, n, sensors = P.shape[0], F_all.shape[1], walk_all.shape[1]
     ring = size - n
     moved, p = np.empty((n, size)), np.empty(size)
     for b in range(F_all.shape[0]):
@@ -48,6 +48,8 @@ def covariances(
         for a in range(Q_all.shape[1]):
             for c in range(n):
                 P[a, c] += Q_all[b, a, c]
+        for i in range(sensors):
+            P[n - sensors + i, n - sensors + i] += walk_all[b, i]
         one, two, three = oldest_places(n, ring, newest + b)
         for j in range(size):
             knots[b, j] = (P[one, j] + 4.0 * P[two, j] + P[three, j]) / 6.0

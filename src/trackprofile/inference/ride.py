@@ -42,7 +42,8 @@ class Ride:
     ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there
     are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is;
     ``bay_position`` (bays,) is where the leading wheel starts each bay, m; knots are counted from
-    ``first_knot`` and lie ``spacing`` m apart. The last ``offsets`` of the n states are the sensors' offsets.
+    ``first_knot`` and lie ``spacing`` m apart. The last of the n states are the sensors' offsets, which walk by the
+    variance ``walk`` (bays, sensors) in each bay.
     """
 
     F: Array
@@ -60,7 +61,12 @@ class Ride:
     newest: int
     start_position: float
     start_speed: float
-    offsets: int
+    walk: Array
+
+    @property
+    def offsets(self) -> int:
+        """How many sensors there are."""
+        return self.walk.shape[1]
 
     @property
     def first_knot(self) -> int:
@@ -118,18 +124,13 @@ def build_ride(
     return Ride(
         F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, first_position[:, 0],
         spacing, ring, newest,
-        float(steps.position[0]), float(steps.speed[0]), len(system.C),
+        float(steps.position[0]), float(steps.speed[0]), np.zeros((count, len(system.C))),
     )  # fmt: skip
 
 
 def with_offsets(ride: Ride, variance: Array) -> Ride:
-    """The ride with offsets that move by that variance, (bays, sensors), at the end of each bay."""
-    if not np.any(variance > 0.0):
-        return ride
-    Q = ride.Q.copy() if ride.Q.size else np.zeros_like(ride.F)
-    offsets = np.arange(-ride.offsets, 0)
-    Q[:, offsets, offsets] += variance
-    return replace(ride, Q=Q)
+    """The ride with offsets that walk by that variance more, (bays, sensors)."""
+    return replace(ride, walk=ride.walk + variance)
 
 
 def cut_into_steps(motion: Motion, spacing: float) -> Steps:

@@ -70,12 +70,14 @@ class Filter:
 class Smoothed:
     """Posterior means of ``elevation`` (knots, signals) in m and of the noise, ``residual`` (rows, signals).
 
+    ``innovation`` (rows,) is what each sample of the first signal says beyond all before it;
     ``offset_score`` (bays, sensors) is the slope of the first signal's log-likelihood over a jump of each sensor's
     offset at the end of each bay; ``log_likelihood`` (signals,).
     """
 
     elevation: Array
     residual: Array
+    innovation: Array
     offset_score: Array
     log_likelihood: Array
 
@@ -131,7 +133,7 @@ def prepare(ride: Ride, spectrum: Spectrum, variance: Array, start: Start) -> Fi
     gains, innovation_variance = np.empty((rows, size)), np.empty(rows)
     knots = np.empty((bays, size))
     recursions.covariances(
-        P, process.a1, process.a2, process.innovation, ride.F, ride.G, ride.Q, ride.slots,
+        P, process.a1, process.a2, process.innovation, ride.F, ride.G, ride.Q, ride.walk, ride.slots,
         ride.rows, variance, ride.first_row, ride.newest,
         gains, innovation_variance, knots,
     )  # fmt: skip
@@ -146,6 +148,7 @@ def innovations(prepared: Filter, signals: Array) -> Array:
 def smooth(prepared: Filter, signals: Array) -> Smoothed:
     """Posterior mean of the profile at every knot, for each of the signals (rows, m)."""
     residual, knots, last = _forwards(prepared, signals)
+    innovation = residual[:, 0].copy()
     S = prepared.innovation_variance
     likelihood = -0.5 * (np.sum(np.log(2 * np.pi * S)) + np.sum(residual**2 / S[:, None], axis=0))
     ride, process = prepared.ride, prepared.process
@@ -156,7 +159,7 @@ def smooth(prepared: Filter, signals: Array) -> Smoothed:
         residual, knots, score,
     )  # fmt: skip
     elevation = np.concatenate([knots, _window(ride) @ last])
-    return Smoothed(elevation, residual, score, likelihood)
+    return Smoothed(elevation, residual, innovation, score, likelihood)
 
 
 def variances(prepared: Filter) -> Variances:
@@ -183,9 +186,12 @@ def prior_draws(
     states = prepared.start.draws(generator, count)
     entering = np.sqrt(process.innovation) * generator.standard_normal((bays, count))
     shaking = generator.standard_normal((bays, ride.Q.shape[1], count))
+    wandering = np.sqrt(ride.walk)[:, :, None] * generator.standard_normal(
+        (*ride.walk.shape, count)
+    )
     signals, knots = np.empty((len(ride.rows), count)), np.empty((bays, count))
     forward_kernels.simulated(
-        states, process.a1, process.a2, entering, shaking, ride.F, ride.G, ride.Q, ride.slots, ride.rows,
+        states, process.a1, process.a2, entering, shaking, wandering, ride.F, ride.G, ride.Q, ride.slots, ride.rows,
         ride.first_row, ride.newest, signals, knots,
     )  # fmt: skip
     signals += np.sqrt(prepared.variance)[:, None] * generator.standard_normal(signals.shape)

@@ -1,0 +1,166 @@
+"""The blocks of a long inference, kept on disk as they are solved, so that it can be taken up again."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import re
+import shutil
+import zipfile
+from collections.abc import Iterator, MutableMapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trackprofile import __version__
+from trackprofile.conditioning.faults import Fault, FaultKind
+from trackprofile.errors import DataError, FileError
+from trackprofile.inference import blocks
+from trackprofile.inference.blocks import Piece
+from trackprofile.io.atomic import whole_files
+
+_KEY = "of.json"
+_BAND = "band "
+
+
+class Kept(MutableMapping[int, Piece]):
+    """The solved blocks of one inference, one file each, in a hidden folder beside the profile that they will be.
+
+    A block is there whole or not at all. The folder is made with the first of them.
+    """
+
+    def __init__(self, folder: Path, key: str) -> None:
+        self.folder, self.key = folder, key
+
+    def __getitem__(self, number: int) -> Piece:
+        path = self._path(number)
+        if not path.is_file():
+            raise KeyError(number)
+        return _read(path)
+
+    def __setitem__(self, number: int, piece: Piece) -> None:
+        if not self.folder.is_dir():
+            self.folder.mkdir()
+            with whole_files(self.folder / _KEY) as (file,):
+                file.write_text(json.dumps({"key": self.key}), encoding="utf-8")
+        packed = io.BytesIO()
+        np.savez(packed, allow_pickle=False, **_arrays(piece))
+        with whole_files(self._path(number)) as (path,), path.open("wb") as file:
+            file.write(packed.getbuffer())
+            file.flush()
+            os.fsync(file.fileno())  # so that the name never stands for less than the whole
+
+    def __delitem__(self, number: int) -> None:
+        self._path(number).unlink()
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(sorted(int(path.stem) for path in self.folder.glob("[0-9]*.npz")))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def discard(self) -> None:
+        """Remove the folder, with what is left in it."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _path(self, number: int) -> Path:
+        return self.folder / f"{number:06d}.npz"
+
+
+def kept_beside(profile: Path, key: str, *, resume: bool) -> tuple[Kept, tuple[str, ...]]:
+    """What an interrupted inference left beside the profile that it was to write, and a sentence about it.
+
+    Parameters
+    ----------
+    key : see `key_of`
+    resume : take it up again; else it is thrown away
+
+    Raises
+    ------
+    DataError : it belongs to another recording, other options or another version.
+    """
+    kept = Kept(profile.with_name(f".{profile.name}.blocks"), key)
+    there = kept.folder.is_dir()
+    if resume and not there:
+        return kept, ("nothing was left to go on from: starting from the beginning",)
+    if not there:
+        return kept, ()
+    if not resume:
+        count = len(kept)
+        kept.discard()
+        return kept, (
+            f"{count} blocks of an interrupted run were thrown away; --resume keeps them",
+        )
+    if _key_in(kept.folder) != key:
+        raise DataError(
+            f"{kept.folder}: what is kept there was made from another recording, with other options or by another "
+            "version; run without --resume to start over."
+        )
+    _tidy(profile, kept.folder)
+    return kept, (f"going on after {len(kept)} blocks that are there already",)
+
+
+def key_of(recording: xr.Dataset, **given: object) -> str:
+    """A name for all that a result depends on: the recording's numbers, everything given, and this version."""
+    seal = hashlib.sha256()
+    for name, variable in sorted(recording.variables.items(), key=lambda one: str(one[0])):
+        attributes = sorted((str(key), repr(value)) for key, value in variable.attrs.items())
+        seal.update(repr((str(name), variable.dtype.str, attributes)).encode())
+        seal.update(np.ascontiguousarray(variable.to_numpy()).data)
+    lengths = (blocks.LENGTH, blocks.OVERLAP, blocks.FADE)
+    seal.update(repr((sorted(given.items()), lengths, __version__, np.__version__)).encode())
+    return seal.hexdigest()
+
+
+def _key_in(folder: Path) -> Any:
+    try:
+        return json.loads((folder / _KEY).read_text(encoding="utf-8"))["key"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _tidy(profile: Path, folder: Path) -> None:
+    """Remove what a killed run was writing and did not end, by the names that `whole_files` gives."""
+    unfinished = re.compile(rf"\.({re.escape(profile.stem)}|\d{{6}})\.[0-9a-f]{{8}}\.\w+")
+    for path in (*profile.parent.iterdir(), *folder.iterdir()):
+        if unfinished.fullmatch(path.name):
+            path.unlink()
+
+
+def _arrays(piece: Piece) -> dict[str, np.ndarray]:
+    """A piece as arrays of numbers, and its texts as bytes of JSON."""
+    texts = {
+        "faults": [asdict(fault) for fault in piece.faults],
+        "notes": list(piece.notes),
+        "bands": list(piece.bands),
+    }
+    return {
+        "place": piece.place,
+        "elevation": piece.elevation,
+        "spread": piece.spread,
+        "flags": piece.flags,
+        "left": piece.left,
+        "log_likelihood": np.array(piece.log_likelihood),
+        "texts": np.frombuffer(json.dumps(texts).encode(), np.uint8),
+    } | {_BAND + name: values for name, values in piece.bands.items()}
+
+
+def _read(path: Path) -> Piece:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        texts = json.loads(arrays["texts"].tobytes())
+        faults = tuple(Fault(**(one | {"kind": FaultKind(one["kind"])})) for one in texts["faults"])
+        return Piece(
+            arrays["place"], arrays["elevation"], arrays["spread"],
+            {name: arrays[_BAND + name] for name in texts["bands"]},
+            arrays["flags"], arrays["left"], faults,
+            float(arrays["log_likelihood"]), tuple(texts["notes"]),
+        )  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise FileError(f"{path}: damaged; remove it, and it will be computed again.") from error
