@@ -26,6 +26,7 @@ from trackprofile.inference.measured import (
     moved,
 )
 from trackprofile.inference.noise import find_noise
+from trackprofile.inference.wiring import rewired
 from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum
@@ -134,7 +135,7 @@ def estimate(
     """
     installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
-    data = measured(recording, installation)
+    data = rewired(measured(recording, installation), vehicle, point_track(track))
     model, notes = find_noise(
         data, vehicle, point_track(track), installation, prior, progress, load=load
     )
