@@ -46,10 +46,10 @@ LENGTH = 8000.0
 DRAWS, DRAWS_EACH = 64, 24
 """Of the error, behind the uncertainty of the bands: for a ride of one block, and for each block of a longer one."""
 
-FADE = 200.0
+FADE = 400.0
 """m over which one block goes over into the next."""
 
-OVERLAP = 400.0
+OVERLAP = 500.0
 """m of its neighbours that a block sees: the reach of the longest band's filter, and half the fade."""
 
 assert edge_distance(D3) + FADE / 2 <= OVERLAP
@@ -110,7 +110,7 @@ def cut(distance: Array) -> list[Block]:
     Examples
     --------
     >>> [(one.begin, one.end, one.own) for one in cut(np.arange(0.0, 16001.0))]
-    [(0.0, 8100.0, slice(0, 8000, None)), (7900.0, 16000.0, slice(8000, 16001, None))]
+    [(0.0, 8200.0, slice(0, 8000, None)), (7800.0, 16000.0, slice(8000, 16001, None))]
     """
     run = distance[-1] - distance[0]
     count = max(1, round(run / LENGTH))
