@@ -98,10 +98,15 @@ def mend(time: Array, driven: Array | None = None, speed: Array | None = None) -
 
 
 def _spread(time: Array, firsts: NDArray[np.intp]) -> Array:
-    """Coarse stamps, spread evenly from each to the next; the last as those before."""
+    """Coarse stamps, on one line where all lie within a step of it, as of even sampling; else from each to the next."""
     stamps = time[firsts]
     if len(firsts) < 2:
         raise DataError("time: it never increases; choose another column.")
+    rows = np.arange(len(time), dtype=np.float64)
+    slope, height = np.polyfit(rows, time, 1)
+    line = slope * rows + height
+    if slope > 0 and np.max(np.abs(time - line)) < np.max(np.diff(stamps)):
+        return line - line[0] + time[0]
     rate = np.median(np.diff(stamps) / np.diff(firsts))
     ends = np.append(firsts, len(time))
     beyond = np.append(stamps, stamps[-1] + rate * (len(time) - firsts[-1]))

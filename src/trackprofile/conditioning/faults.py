@@ -52,6 +52,12 @@ COPIED = 24
 FEWEST_VALUES = 12
 """Different values that such a row has to have: a coarse signal repeats itself by chance."""
 
+RESOLVED = 128
+"""Samples over which a resolution is told."""
+
+MOSTLY = 0.7
+"""Share of valid samples of a channel from which those that are not are missing; fewer is a slower channel."""
+
 COARSER = 3.0
 """Times the recording's resolution from which a block has lost resolution."""
 
@@ -63,6 +69,8 @@ class FaultKind(StrEnum):
     """What can be wrong."""
 
     GAP = "gap"
+    MISSING = "samples missing"
+    MOUNTING = "mounted otherwise"
     CLOCK = "clock jump"
     SPEED = "speed missing"
     REPEATED = "repeated samples"
@@ -129,6 +137,11 @@ def find_faults(recording: xr.Dataset) -> tuple[Fault, ...]:
     for channel in parts:
         valid = np.asarray(channel.valid, bool)
         at = np.flatnonzero(valid)
+        if np.mean(valid) > MOSTLY:
+            found += [
+                Fault(FaultKind.MISSING, channel.name, run.start, run.stop - 1)
+                for run in runs(~valid)
+            ]
         for kind, mask in _marks(channel.values[at], alive=not all(still)):
             found += [
                 Fault(kind, channel.name, int(at[run.start]), int(at[run.stop - 1]))
@@ -291,7 +304,7 @@ def copied(values: Array) -> Mask:
 def resolution(values: Array) -> Array:
     """The step in which each sample was recorded, (n,); 0 where it is as good as continuous.
 
-    That of the whole signal, but of a block of ``BLOCK`` samples its own where that is ``COARSER`` times as large.
+    That of the whole signal, but of ``RESOLVED`` samples their own where that is ``COARSER`` times as large.
 
     Examples
     --------
@@ -302,7 +315,7 @@ def resolution(values: Array) -> Array:
     """
     whole = recorded_step(values)
     steps = np.full(len(values), whole)
-    for block in _blocks(len(values)):
+    for block in _blocks(len(values), RESOLVED):
         own = _grid(values[block])
         if own > COARSER * whole:
             steps[block] = own
@@ -347,8 +360,8 @@ def _seals(values: Array) -> NDArray[np.uint64]:
     return seal
 
 
-def _blocks(count: int) -> Iterator[slice]:
-    edges = np.linspace(0, count, max(1, count // BLOCK) + 1).astype(int)
+def _blocks(count: int, length: int = BLOCK) -> Iterator[slice]:
+    edges = np.linspace(0, count, max(1, count // length) + 1).astype(int)
     for begin, end in pairwise(edges):
         yield slice(int(begin), int(end))
 

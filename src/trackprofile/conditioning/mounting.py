@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,8 +23,21 @@ TOO_FAR = 5.0
 """Usual offsets from which one is said and taken off."""
 
 
-def freed_of_gravity(channel: Channel, valid: NDArray[np.bool_]) -> tuple[Array, str]:
-    """A signal, (n,), upwards and without gravity or a great offset, and a sentence that says so if anything was done.
+@dataclass(frozen=True)
+class Upright:
+    """A signal, (n,), upwards and without gravity or a great offset.
+
+    ``said`` tells what was done, "" if nothing; ``doubt`` is the relative standard deviation of a gain that was
+    corrected, for an unknown offset looks like a part of gravity.
+    """
+
+    values: Array
+    said: str = ""
+    doubt: float = 0.0
+
+
+def freed_of_gravity(channel: Channel, valid: NDArray[np.bool_]) -> Upright:
+    """What an accelerometer's mean says of how it is mounted, put right.
 
     At rest an accelerometer that measures upwards reads +g, one that hangs upside down -g, and one at an angle ε to
     the vertical g cos ε, and cos ε of every vertical acceleration.
@@ -30,21 +45,24 @@ def freed_of_gravity(channel: Channel, valid: NDArray[np.bool_]) -> tuple[Array,
     Examples
     --------
     >>> hanging = Channel("floor", np.array([-9.9, -9.8, -9.7]), "vertical acceleration", "body", 0.0)
-    >>> values, said = freed_of_gravity(hanging, np.ones(3, bool))
-    >>> values.round(3), said
+    >>> put_right = freed_of_gravity(hanging, np.ones(3, bool))
+    >>> put_right.values.round(3), put_right.said
     (array([ 0.1, -0. , -0.1]), "'floor' reads gravity, -9.8 m/s²: turned upside down, and taken off")
     """
     values = np.asarray(channel.values, np.float64)
     mean = float(np.median(values[valid]))
     if abs(mean) <= TOO_FAR * OFFSET[channel.quantity]:
-        return values, ""
+        return Upright(values)
     share = abs(mean) / STANDARD_GRAVITY
     if channel.quantity != VERTICAL_ACCELERATION or share < GRAVITY:
-        return values - mean, f"{channel.name!r} has an offset of {mean:.3g}, taken off: check it"
+        return Upright(
+            values - mean, f"{channel.name!r} has an offset of {mean:.3g}, taken off: check it"
+        )
     said = f"{channel.name!r} reads gravity, {mean:.3g} m/s²: "
     turned = "turned upside down, and " if mean < 0 else ""
     if share > 1.0 - UPRIGHT:
-        return np.sign(mean) * (values - mean), f"{said}{turned}taken off"
+        return Upright(np.sign(mean) * (values - mean), f"{said}{turned}taken off")
     angle = np.degrees(np.arccos(share))
     said += f"{turned}taken off, and corrected for {angle:.0f}° between the sensor and the vertical"
-    return np.sign(mean) * (values - mean) / share, said
+    doubt = OFFSET[channel.quantity] / (share * STANDARD_GRAVITY)
+    return Upright(np.sign(mean) * (values - mean) / share, said, doubt)

@@ -20,6 +20,9 @@ Mask = NDArray[np.bool_]
 SINGLE = 2
 """Samples in a row up to which outliers are spikes of the sensor; more may be the track's."""
 
+IN_NOTES = {FaultKind.MOUNTING, FaultKind.EXCHANGED, FaultKind.SIGN}
+"""Kinds that a sentence of their own tells."""
+
 NAMED = 3
 """Places that are named; of more it is said how many there are."""
 
@@ -68,15 +71,11 @@ def single_outliers(weights: Weights, ride: Ride) -> Mask:
 
 
 def marked(faults: Sequence[Fault], data: Measured, model: Model) -> Mask:
-    """Samples, (samples, sensors), that count for less because of those faults.
-
-    An offset that jumps or drifts is found again at once: it harms where it jumps, and nowhere else.
-    """
+    """Samples, (samples, sensors), that count for less because of those faults."""
     found = np.zeros(data.signals.shape, bool)
     names = [sensor.name for sensor in model.sensors]
     for fault in faults:
-        if fault.kind is not FaultKind.DRIFT:
-            found[fault.first : fault.last + 1, names.index(fault.channel)] = True
+        found[fault.first : fault.last + 1, names.index(fault.channel)] = True
     return found
 
 
@@ -88,7 +87,8 @@ def told(faults: Sequence[Fault], distance: Array) -> tuple[str, ...]:
     distance : (samples,), m
     """
     sentences = []
-    for (channel, kind), count in Counter((one.channel, one.kind) for one in faults).items():
+    counted = Counter((one.channel, one.kind) for one in faults if one.kind not in IN_NOTES)
+    for (channel, kind), count in counted.items():
         those = [one for one in faults if (one.channel, one.kind) == (channel, kind)]
         samples = sum(one.last - one.first + 1 for one in those)
         places = ", ".join(_place(one, distance) for one in those[:NAMED])

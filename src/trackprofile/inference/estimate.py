@@ -26,6 +26,7 @@ from trackprofile.inference.measured import (
     moved,
 )
 from trackprofile.inference.noise import find_noise
+from trackprofile.inference.sensitivity import with_gains
 from trackprofile.inference.wiring import rewired
 from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
@@ -134,11 +135,15 @@ def estimate(
     ``kept`` holds the blocks that an earlier call with the same arguments has solved, and is given the others.
     """
     installation, track = installation or Installation(), track or RigidTrack()
+    calibrated = installation.uncertainty is not None
     progress = progress or (lambda stage, share: None)
     data = rewired(measured(recording, installation), vehicle, point_track(track))
     model, notes = find_noise(
         data, vehicle, point_track(track), installation, prior, progress, load=load
     )
+    if any(data.gain_doubt):
+        installation = replace(installation, uncertainty=with_gains(installation.uncertainty, data))
+        notes += ("the uncertainty of a gain that an angle made is in that of the profile",)
     run = moved(data, model).distance
     draws = draws or (DRAWS if len(cut(run)) == 1 else DRAWS_EACH)
     task = Task(model, installation, track, draws, seed, correct)
@@ -146,7 +151,7 @@ def estimate(
     found = joined(_pieces(data, run, task, {} if kept is None else kept, progress))
     faults = (*data.faults, *found.faults)
     notes = (*data.notes, *told(faults, run), *notes, *_reduction(track, model.track, correct))
-    if installation.uncertainty is not None:
+    if calibrated:
         notes += ("the uncertainty of the calibrated vehicle is in that of the profile",)
     step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {seed}; bands: {FILTER_NAME}"
     profile = build_profile(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from trackprofile.conditioning.faults import (
     resolution,
     samples_of,
 )
-from trackprofile.conditioning.mounting import freed_of_gravity
+from trackprofile.conditioning.mounting import Upright, freed_of_gravity
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
@@ -62,6 +62,7 @@ class Measured:
     faulty : (n, sensors), samples with any other fault
     faults : what was found wrong, by samples of the whole recording
     notes : on what was mended
+    gain_doubt : per sensor, relative standard deviation of a gain that the mounting made uncertain
     loud : (sensors,), root mean square of each signal about its mean over the whole recording; None: of these samples
     limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
     low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
@@ -76,6 +77,7 @@ class Measured:
     faulty: Mask
     faults: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
+    gain_doubt: tuple[float, ...] = ()
     loud: Array | None = None
     limits: Array | None = None
     low_pass: tuple[float | None, ...] = ()
@@ -98,24 +100,18 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
     Raises
     ------
     DataError
-        Where nothing of a channel is left.
+        Where nothing of any channel is left.
     """
-    parts, faults = channels(recording), find_faults(recording)
-    count = recording.sizes["sample"]
+    faults, count = find_faults(recording), recording.sizes["sample"]
+    parts, lost = _alive(channels(recording), faults, count)
     valid = np.stack([np.asarray(channel.valid, bool) for channel in parts], axis=1)
 
     def marked(kinds: frozenset[FaultKind]) -> Mask:
         return np.stack([samples_of(faults, one.name, count, kinds) for one in parts], axis=1)
 
-    for channel, before, out in zip(parts, valid.T, marked(LEFT_OUT).T, strict=True):
-        if not np.any(before & ~out):
-            kinds = {str(one.kind) for one in faults if one.channel == channel.name}
-            raise DataError(
-                f"Channel {channel.name!r}: nothing is left of it ({', '.join(sorted(kinds))}); leave this channel out."
-            )
     valid &= ~marked(LEFT_OUT)
     upright = [freed_of_gravity(one, good) for one, good in zip(parts, valid.T, strict=True)]
-    signals = np.stack([one for one, _ in upright], axis=1)
+    signals = np.stack([one.values for one in upright], axis=1)
     steps = np.zeros_like(signals)
     for i, channel in enumerate(parts):
         steps[valid[:, i], i] = resolution(channel.values[valid[:, i]])
@@ -127,12 +123,36 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
         steps,
         marked(frozenset({FaultKind.SATURATED})),
         marked(frozenset(FaultKind) - {FaultKind.SATURATED}),
-        faults,
+        (*faults, *_mounted(parts, upright, count)),
         (
             *(step for step in steps_of(recording) if step.startswith(MENDED)),
-            *(note for _, note in upright if note),
+            *lost,
+            *(one.said for one in upright if one.said),
         ),
+        gain_doubt=tuple(one.doubt for one in upright),
     )
+
+
+def _alive(
+    parts: Sequence[Channel], faults: Sequence[Fault], count: int
+) -> tuple[list[Channel], list[str]]:
+    """The channels of which anything is left, and sentences on the others."""
+    alive, lost = [], []
+    for one in parts:
+        if np.any(np.asarray(one.valid, bool) & ~samples_of(faults, one.name, count, LEFT_OUT)):
+            alive.append(one)
+        else:
+            kinds = sorted({str(fault.kind) for fault in faults if fault.channel == one.name})
+            lost.append(f"nothing is left of {one.name!r} ({', '.join(kinds)}): it is not used")
+    if not alive:
+        raise DataError(f"No channel can be used: {'; '.join(lost)}; record again.")
+    return alive, lost
+
+
+def _mounted(parts: Sequence[Channel], upright: Sequence[Upright], count: int) -> Iterator[Fault]:
+    for channel, one in zip(parts, upright, strict=True):
+        if one.said:
+            yield Fault(FaultKind.MOUNTING, channel.name, 0, count - 1, one.said)
 
 
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:

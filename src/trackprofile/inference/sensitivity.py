@@ -23,7 +23,7 @@ from trackprofile.inference.parameters import (
     values_of,
 )
 from trackprofile.inference.smoother import smooth
-from trackprofile.sensor import Installation, Sensor
+from trackprofile.sensor import Installation, Sensor, Uncertainty
 
 Array = NDArray[np.float64]
 
@@ -65,6 +65,22 @@ def by_the_vehicle(
         moved = _profile(data, changed(model, parameters, centre + step), place)
         columns.append(moved - elevation)
     return np.stack(columns, axis=1)
+
+
+def with_gains(sure: Uncertainty | None, data: Measured) -> Uncertainty:
+    """The uncertainty with that of gains that the recording itself makes uncertain."""
+    doubts = {
+        f"gain of {sensor.name}": doubt**2
+        for sensor, doubt in zip(data.sensors, data.gain_doubt, strict=True)
+        if doubt > 0.0
+    }
+    known = Uncertainty((), ()) if sure is None else sure
+    count = len(known.names)
+    covariance = np.zeros((count + len(doubts), count + len(doubts)))
+    covariance[:count, :count] = np.reshape(known.covariance, (count, count))
+    covariance[range(count, len(covariance)), range(count, len(covariance))] = list(doubts.values())
+    rows = tuple(tuple(map(float, row)) for row in covariance)
+    return Uncertainty((*known.names, *doubts), rows)
 
 
 def _here(name: str, calibrated: Sequence[Sensor], recorded: Sequence[Sensor]) -> str | None:
