@@ -12,6 +12,7 @@ import numpy as np
 
 from trackprofile.conditioning.faults import FaultKind
 from trackprofile.io.table import write_columns
+from trackprofile.motion import recorded_step
 
 Array = np.ndarray
 Columns = dict[str, Array]
@@ -49,7 +50,10 @@ class Table:
         return Table(self.columns | changes, self.sensors, self.time_unit)
 
     def first_with(self, change: Callable[[Array], Array]) -> Table:
-        return self.with_(**{self.first: change(self.columns[self.first].copy())})
+        """With the first sensor changed, and recorded in the same steps as before."""
+        before = self.columns[self.first]
+        step, changed = recorded_step(before), change(before.copy())
+        return self.with_(**{self.first: step * np.round(changed / step) if step else changed})
 
     def rows(self, kept: Array) -> Table:
         columns = {name: values[kept] for name, values in self.columns.items()}
@@ -211,7 +215,7 @@ def held(values: Array, part: slice) -> None:
 
 def louder(values: Array, part: slice) -> None:
     generator = np.random.default_rng(3)
-    values[part] += 0.3 * rms(values) * generator.standard_normal(part.stop - part.start)
+    values[part] += rms(values) * generator.standard_normal(part.stop - part.start)
 
 
 def coarse(values: Array, part: slice) -> None:

@@ -6,11 +6,9 @@ Nothing heavy is imported before a command runs, so that help and wrong usage an
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from enum import StrEnum
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -18,11 +16,11 @@ from trackprofile import __version__
 from trackprofile.cli import show
 from trackprofile.cli.assess import assess, changes, report
 from trackprofile.cli.calibrate import calibrate
+from trackprofile.cli.infer import infer
 from trackprofile.cli.inspect import inspect
 from trackprofile.cli.options import (
     From,
     Json,
-    OptionalVehicle,
     RequiredVehicle,
     To,
     TrackName,
@@ -30,14 +28,7 @@ from trackprofile.cli.options import (
 )
 from trackprofile.cli.simulate import simulate
 from trackprofile.cli.vehicles import app as vehicles
-from trackprofile.errors import DataError, FileError, TrackprofileError
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trackprofile.resume import Kept
-    from trackprofile.sensor import Installation
-    from trackprofile.vehicle import Vehicle
+from trackprofile.errors import DataError, TrackprofileError
 
 app = typer.Typer(
     help="Track profiles, with their uncertainty, from what an ordinary train's sensors record.",
@@ -47,159 +38,7 @@ app = typer.Typer(
 )
 
 
-INTERRUPTED_EXIT = 130
-"""As a shell has it of what ends by Ctrl-C."""
-
-
-class Method(StrEnum):
-    """How `infer` finds the profile."""
-
-    SMOOTHER = "smoother"
-    CROSS_ENTROPY = "cross-entropy"
-
-
-class Evaluation(StrEnum):
-    """How cross-entropy computes what a trial profile does."""
-
-    MAP = "map"
-    SIMULATION = "simulation"
-
-
-@app.command()
-def infer(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="TOML or NetCDF.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="PROFILE", help=".nc, .csv or .parquet.")
-    ],
-    vehicle: OptionalVehicle = None,
-    track: TrackName = "rigid",
-    method: Annotated[Method, typer.Option(help="How to find it.")] = Method.SMOOTHER,
-    prior: Annotated[
-        str | None,
-        typer.Option(metavar="S", help="A spectrum, preset or TOML; without, found from the data."),
-    ] = None,
-    from_m: From = None,
-    to_m: To = None,
-    draws: Annotated[
-        int | None,
-        typer.Option(min=2, help="Behind the bands' uncertainty: 64, for a long ride 24."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Of the draws, or of the search.")] = 0,
-    correct: Annotated[
-        bool, typer.Option("--correct", help="For a layered track: correct by its full model.")
-    ] = False,
-    load: Annotated[
-        bool, typer.Option("--load", help="Find what the body weighs on the day.")
-    ] = False,
-    search: Annotated[
-        str | None,
-        typer.Option(metavar="S", help="Of cross-entropy: table-5, table-6 or a TOML."),
-    ] = None,
-    evaluation: Annotated[
-        Evaluation, typer.Option(help="Of cross-entropy's trial profiles.")
-    ] = Evaluation.MAP,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a long run that was interrupted.")
-    ] = False,
-    as_json: Json = False,
-) -> None:
-    """Infer a track profile, with its uncertainty, from a recording.
-
-    Beside PROFILE a page (.html) and a picture (.png) of the same name show it. Cross-entropy, the published
-    method that the smoother replaces, gives no uncertainty. A long run keeps what it has solved in a hidden folder
-    beside PROFILE until it ends.
-    """
-    from trackprofile import search as searches
-    from trackprofile.contracts import between
-    from trackprofile.inference.cross_entropy import INTERRUPTED, cross_entropy
-    from trackprofile.inference.estimate import estimate
-    from trackprofile.io.model_toml import read_spectrum, read_track
-    from trackprofile.io.search_toml import read_search
-    from trackprofile.outputs import estimate_files, summary, write_estimate
-    from trackprofile.resume import kept_beside, key_of
-
-    _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)
-    estimate_files(output)
-    measured = read_as(recording, "recording")
-    car, installation = _vehicle_of(measured, recording, vehicle)
-    support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
-    settings = None if search is None else read_search(search)
-    measured = between(measured, from_m, to_m)
-    stopped = ""
-    kept, said = None, ()
-    if method is Method.SMOOTHER:
-        settled = {
-            "vehicle": car,
-            "installation": installation,
-            "track": support,
-            "prior": spectrum,
-        }
-        key = key_of(measured, **settled, draws=draws, seed=seed, correct=correct, load=load)
-        kept, said = kept_beside(output, key, resume=resume)
-        show.note(said)
-    with show.progress_bars() as progress, _interruptible(kept):
-        if method is Method.CROSS_ENTROPY:
-            found = cross_entropy(
-                measured,
-                car,
-                installation=installation,
-                track=support,
-                search=settings,
-                evaluation=searches.Evaluation(evaluation.value),
-                seed=seed,
-                progress=progress,
-            )
-            stopped = found.stopped
-        else:
-            found = estimate(
-                measured,
-                car,
-                installation=installation,
-                track=support,
-                prior=spectrum,
-                draws=draws,
-                seed=seed,
-                correct=correct,
-                load=load,
-                progress=progress,
-                kept=kept,
-            )
-    files = list(map(str, write_estimate(found, measured, output)))
-    if kept is not None:
-        kept.discard()
-    result = summary(found)
-    if as_json:
-        show.as_one_object({"files": files, "method": method.value} | result)
-    else:
-        show.profile(files, found.notes, result)
-    if stopped:
-        raise typer.Exit(INTERRUPTED_EXIT if stopped == INTERRUPTED else 1)
-
-
-@contextmanager
-def _interruptible(kept: Kept | None) -> Iterator[None]:
-    """Ctrl-C ends the command with what to do to go on."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        done = 0 if kept is None else len(kept)
-        there = (
-            f"; {done} blocks are kept: go on with --resume" if done else "; nothing was written"
-        )
-        show.note([f"Interrupted{there}."])
-        raise typer.Exit(INTERRUPTED_EXIT) from None
-
-
-def _only_of(method: Method, **given: object) -> None:
-    """Refuse an option of the other method, which would otherwise be passed over in silence."""
-    others = {"search"} if method is Method.SMOOTHER else {"prior", "correct", "load", "resume"}
-    for name in sorted(others & given.keys()):
-        if given[name]:
-            raise DataError(
-                f"--{name} is not of the method {method.value}; leave it out, or choose the other --method"
-            )
-
-
+app.command()(infer)
 app.command()(inspect)
 app.command()(calibrate)
 app.command()(simulate)
@@ -360,21 +199,3 @@ def _speed(text: str) -> float:
     if metres_per_second <= 0:
         raise DataError(f"{text!r}: expected a speed above zero.")
     return metres_per_second
-
-
-def _vehicle_of(
-    recording: xr.Dataset, path: Path, given: str | None
-) -> tuple[Vehicle, Installation]:
-    """The vehicle that was given, else the one that the recording names, beside it or a preset."""
-    from trackprofile.io.model_toml import presets, read_vehicle
-
-    if given is not None:
-        return read_vehicle(given)
-    named = recording.attrs.get("vehicle", "")
-    if not named:
-        raise FileError(
-            f"{path}: it names no vehicle; add --vehicle with the TOML of one, "
-            f"or with one of the presets {', '.join(presets('vehicle'))}."
-        )
-    beside = path.parent / named
-    return read_vehicle(beside if beside.is_file() else named)
