@@ -338,8 +338,16 @@ SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         lambda folder: replace(folder / "recording.toml", "noise_density", "noise_desnity"),
         ("'noise_desnity'", "noise_density"),
     ),
-    "a number missing": (lambda folder: cells(folder, 2, 7, ""), ("data row 7", "valid")),
-    "time that runs backwards": (lambda folder: cells(folder, 0, 9, "0.0"), ("data row 9", "time")),
+    "a word for a number": (
+        lambda folder: cells(folder, 2, 7, "much"),
+        ("data row 7", "expected a number, found 'much'"),
+    ),
+    "a clock that stands still": (
+        lambda folder: rows(
+            folder, lambda lines: [lines[0], *("0" + line[line.index(",") :] for line in lines[1:])]
+        ),
+        ("time: it never increases",),
+    ),
     "a negative speed": (lambda folder: cells(folder, 1, 5, "-3.0"), ("data row 5", "speed")),
     "a file cut short": (
         lambda folder: rows(folder, lambda lines: [*lines[:50], "0.2,3"]),
@@ -364,6 +372,17 @@ SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("covers 14", "longer stretch"),
     ),
 }
+
+
+def test_what_can_be_mended_is_mended_and_said(run: Run, folder: Path) -> None:
+    cells(folder, 2, 7, "")
+    cells(folder, 0, 9, "0.0")
+    code, out, err = run("infer", folder / "recording.toml", "-o", folder / "p.nc", "--json")
+    assert code == 0
+    notes = json.loads(out)["notes"]
+    assert any("samples missing" in note for note in notes)
+    assert any("the clock jumps" in note for note in notes)
+    assert "the clock jumps" in err or not err
 
 
 @pytest.mark.parametrize("case", SPOILED)

@@ -19,7 +19,7 @@ def headings(path: Path) -> tuple[Heading, ...]:
     try:
         with parquet.ParquetFile(path) as file:
             rows, schema = file.metadata.num_rows, file.schema_arrow
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, ValueError) as error:
         raise _no_table(path) from error
     check_size(path, 8.0 * rows * len(schema))
     stated = [
@@ -40,7 +40,7 @@ def read(path: Path, schema: pa.Schema) -> pa.Table:
     """
     try:
         table = parquet.read_table(path, columns=schema.names)
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, ValueError) as error:
         raise _no_table(path) from error
     try:
         return table.select(schema.names).cast(schema)

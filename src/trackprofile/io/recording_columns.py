@@ -98,6 +98,7 @@ def _read(explained: Path, data: Path, document: Document) -> Columns:
 def _on_one_clock(read: Columns) -> tuple[dict[str, Any], list[str]]:
     """What `build_recording` takes, with the clock and the speed mended, and sentences on that."""
     (clock,) = set(read.clock_of.values())
+    _check_lengths(read, None if clock is None else len(read.clocks[clock]))
     motion, notes, faults = dict(read.motion), _missing(read.channels), None
     channels = read.channels
     if clock is not None:
@@ -156,6 +157,19 @@ def _on_many_clocks(read: Columns) -> tuple[dict[str, Any], list[str]]:
     )
     notes.append(f"{len(mended)} clocks were brought to one")
     return {"channels": channels, "time": base, **moved}, notes
+
+
+def _check_lengths(read: Columns, count: int | None) -> None:
+    """All columns of one clock are equally long."""
+    lengths = {one.name: len(one.values) for one in read.channels}
+    lengths |= {name: len(values) for name, values in read.motion.items()}
+    expected = count if count is not None else next(iter(lengths.values()))
+    for name, length in lengths.items():
+        if length != expected:
+            raise DataError(
+                f"{name!r} has {length} values where there are {expected} rows: cut short, or on a clock of its own; "
+                "copy the file again, or name the clock (time)."
+            )
 
 
 def _finite(series: Series) -> Series:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -79,6 +80,7 @@ def _library(path: Path) -> Any:
         raise FileError(
             f"{path}: TDMS files need the library npTDMS; install it: pip install 'trackprofile[tdms]'."
         ) from error
+    logging.getLogger("nptdms").setLevel(logging.CRITICAL)
     return nptdms
 
 
