@@ -353,7 +353,7 @@ SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         lambda folder: rows(folder, lambda lines: [*lines[:50], "0.2,3"]),
         ("data row 50", "cut short"),
     ),
-    "an empty file": (lambda folder: (folder / "recording.csv").write_text(""), ("is missing",)),
+    "an empty file": (lambda folder: (folder / "recording.csv").write_text(""), ("is empty",)),
     "no data file": (lambda folder: (folder / "recording.csv").unlink(), ("no data file",)),
     "no vehicle named": (
         lambda folder: replace(folder / "recording.toml", 'vehicle = "vehicle.toml"\n', ""),

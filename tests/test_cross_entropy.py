@@ -330,6 +330,15 @@ def test_every_other_scan_for_longer_phases(on_rigid_rail: tuple[xr.Dataset, Arr
     assert any("not 0.1 m" in note for note in coarse.notes)
 
 
+def test_dead_channel_is_left_out_and_named(on_ballast: tuple[xr.Dataset, Array]) -> None:
+    recording, truth = on_ballast
+    dead = recording.copy(deep=True)
+    dead["pitch"].values[:] = 0.0
+    found = cross_entropy(dead, VELARO, track=BALLASTED)
+    assert any("nothing is left of 'pitch' (stuck)" in note for note in found.notes)
+    assert worst(found.profile, truth) < 1e-6
+
+
 class TestRefused:
     def test_population_too_small_for_an_elite(self) -> None:
         with pytest.raises(ModelError, match="population of at least 15"):
@@ -362,7 +371,9 @@ class TestRefused:
             )
         ]  # fmt: skip
         recording = build_recording(parts, time=broken["time"], speed=broken["speed"])
-        with pytest.raises(DataError, match="row 41"):
+        with pytest.raises(
+            DataError, match=r"'acceleration' has none in data row 41 \(samples missing"
+        ):
             cross_entropy(recording, QUARTER_CAR)
 
     def test_uneven_time(self, on_rigid_rail: tuple[xr.Dataset, Array]) -> None:
@@ -370,12 +381,15 @@ class TestRefused:
         with pytest.raises(DataError, match="evenly in time"):
             cross_entropy(on_rigid_rail[0].isel(sample=keep), QUARTER_CAR)
 
-    def test_silent_channel(self, on_ballast: tuple[xr.Dataset, Array]) -> None:
-        silent = on_ballast[0].copy(deep=True)
-        silent["pitch"] = silent["pitch"] * 0.0
-        silent["pitch"].attrs = on_ballast[0]["pitch"].attrs
+    def test_sensor_that_recorded_nothing_but_zeros(self) -> None:
         with pytest.raises(DataError, match="zero throughout"):
-            cross_entropy(silent, VELARO, track=BALLASTED)
+            weights(np.array([[0.0, 1.0], [0.0, -1.0]]))
+
+    def test_spike(self, on_rigid_rail: tuple[xr.Dataset, Array]) -> None:
+        spiked = on_rigid_rail[0].copy(deep=True)
+        spiked["acceleration"][100] = 50.0
+        with pytest.raises(DataError, match=r"data row 101 \(spike\)"):
+            cross_entropy(spiked, QUARTER_CAR)
 
     def test_sensor_that_meets_the_profile_long_after_the_leading_wheel(self) -> None:
         recording, _ = ridden(whole=True, length=25.0)

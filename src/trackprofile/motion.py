@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.interpolate import pchip_interpolate as pchip
 from scipy.linalg import solveh_banded
 
 from trackprofile.errors import DataError
@@ -15,6 +16,9 @@ Array = NDArray[np.float64]
 
 ACCELERATION_WALK = 0.1
 """m/s² per √s: how fast a train's acceleration wanders (a jerk of 0.1 to 0.5 m/s³ for some seconds)."""
+
+AVERAGED = 0.5
+"""s, or m, of known speeds that are averaged before missing ones are filled in: steps of the record are no slopes."""
 
 MOST_DISTINCT = 0.2
 """Share of distinct values up to which a channel counts as recorded in steps."""
@@ -95,9 +99,10 @@ def speed_over_distance(speed: Array, distance: Array) -> Array:
 
 
 def filled(speed: Array, at: Array) -> Array:
-    """Speed (m/s) over time (s) or distance (m) with its missing values, NaN, on the smoothest way between the others.
+    """Speed (m/s) over time (s) or distance (m), with its missing values, NaN, on a smooth way between the others.
 
-    The change of its slope is least, so that an acceleration goes on for a while, as a train's does; never below zero.
+    The way goes through means of the known values, monotonously from each to the next, and holds the first and the
+    last of them beyond; so it is never below zero where they are not.
 
     Raises
     ------
@@ -113,11 +118,22 @@ def filled(speed: Array, at: Array) -> Array:
         raise DataError("speed: fewer than two values are known; choose another column.")
     if known.all():
         return speed
-    spacing = np.maximum(np.diff(at), 1e-9)
-    at = np.concatenate([[0.0], np.cumsum(spacing)])
-    noise = np.where(known, 1e-6, 1e6)
-    smooth = _smooth(np.where(known, speed, 0.0), at, noise, 0.5 * (at[2:] - at[:-2]))
-    return np.where(known, speed, np.clip(smooth, 0.0, None))
+    first, last = at[known][[0, -1]]
+    share = (np.clip(at, first, last) - first) / (last - first)
+    most = min((last - first) / AVERAGED, np.count_nonzero(known))
+    place, value = _means(share[known], speed[known], max(2, int(most)))
+    return np.where(known, speed, pchip(place, value, np.clip(share, place[0], place[-1])))
+
+
+def _means(at: Array, values: Array, count: int) -> tuple[Array, Array]:
+    """Means, of places from 0 to 1 and of values, over as many equal parts; of those parts that hold any."""
+    part = np.minimum((at * count).astype(np.int64), count - 1)
+    number = np.bincount(part, minlength=count)
+    there = number > 0
+    place, value = (
+        np.bincount(part, each, minlength=count)[there] / number[there] for each in (at, values)
+    )
+    return place, value
 
 
 def recorded_step(values: Array) -> float:

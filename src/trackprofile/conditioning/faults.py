@@ -132,6 +132,9 @@ def find_faults(recording: xr.Dataset) -> tuple[Fault, ...]:
     (Fault(kind=<FaultKind.SPIKE: 'spike'>, channel='floor', first=100, last=100, remark=''),)
     """
     found = list(_gaps(recording))
+    torn = np.zeros(recording.sizes["sample"], bool)
+    for gap in found:
+        torn[gap.first : gap.last + 1] |= gap.kind is FaultKind.GAP
     parts = channels(recording)
     still = [bool(np.ptp(one.values[np.asarray(one.valid, bool)]) == 0.0) for one in parts]
     for channel in parts:
@@ -142,7 +145,8 @@ def find_faults(recording: xr.Dataset) -> tuple[Fault, ...]:
                 Fault(FaultKind.MISSING, channel.name, run.start, run.stop - 1)
                 for run in runs(~valid)
             ]
-        for kind, mask in _marks(channel.values[at], alive=not all(still)):
+        here = torn[at] | _beside_holes(at)
+        for kind, mask in _marks(channel.values[at], here, alive=not all(still)):
             found += [
                 Fault(kind, channel.name, int(at[run.start]), int(at[run.stop - 1]))
                 for run in runs(mask)
@@ -150,8 +154,22 @@ def find_faults(recording: xr.Dataset) -> tuple[Fault, ...]:
     return tuple(found)
 
 
-def _marks(values: Array, *, alive: bool) -> Iterator[tuple[FaultKind, Mask]]:
-    """Each rule and the samples that it marks; ``alive`` where anything in the recording moved at all."""
+def _beside_holes(at: NDArray[np.intp]) -> Mask:
+    """Which of the valid samples, by their numbers, come before or after some that are not."""
+    found = np.zeros(len(at), bool)
+    if len(at) > 1:
+        apart = np.diff(at)
+        hole = apart > GAP * np.median(apart)
+        found[:-1] |= hole
+        found[1:] |= hole
+    return found
+
+
+def _marks(values: Array, torn: Mask, *, alive: bool) -> Iterator[tuple[FaultKind, Mask]]:
+    """Each rule and the samples that it marks.
+
+    ``torn`` are samples beside which others are missing; ``alive`` is whether anything in the recording moved at all.
+    """
     flat = {
         FaultKind.SATURATED: at_end_of_range(values),
         FaultKind.STUCK: stuck(values) & alive,
@@ -160,7 +178,7 @@ def _marks(values: Array, *, alive: bool) -> Iterator[tuple[FaultKind, Mask]]:
     yield from flat.items()
     # Where a signal breaks off it bends as at a spike.
     broken = np.asarray(
-        binary_dilation(np.any(list(flat.values()), axis=0), iterations=BESIDE), bool
+        binary_dilation(np.any([torn, *flat.values()], axis=0), iterations=BESIDE), bool
     )
     yield FaultKind.SPIKE, spikes(values) & ~broken
     yield FaultKind.COARSE, resolution(values) > recorded_step(values)
@@ -236,7 +254,8 @@ def spikes(values: Array) -> Mask:
     """Single samples, or two in a row, that none beside them shares.
 
     Their departure from the cubic through two samples on each side is more than ``SPIKE`` times the usual one of the
-    block, and ``ALONE`` times any other within ``NEARBY`` samples that the spike itself has no part in.
+    block, and ``ALONE`` times any other within ``NEARBY`` samples that the spike itself has no part in; nearer to an
+    end than that many samples nobody can tell.
 
     Examples
     --------
@@ -250,12 +269,12 @@ def spikes(values: Array) -> Mask:
     for width in (1, 2):
         departure = _departure(values, width)
         usual = np.maximum(_block_medians(departure), max(step, TINY))
-        for k in np.flatnonzero(departure > SPIKE * usual):
+        inner = slice(NEARBY, len(values) - width - NEARBY)
+        for k in NEARBY + np.flatnonzero((departure > SPIKE * usual)[inner]):
             near = np.r_[
-                departure[max(0, k - NEARBY) : max(0, k - width - 1)],
-                departure[k + width + 2 : k + NEARBY],
+                departure[k - NEARBY : k - width - 1], departure[k + width + 2 : k + NEARBY]
             ]
-            beside = departure[max(0, k - width - 1) : k + width + 2]
+            beside = departure[k - width - 1 : k + width + 2]
             if departure[k] >= np.max(beside) and departure[k] > ALONE * np.max(near, initial=0.0):
                 found[k : k + width] = True
     return found

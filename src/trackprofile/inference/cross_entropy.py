@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.inference import cross_entropy_kernels as kernels
+from trackprofile.inference.doubted import said
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import loading, measured
 from trackprofile.inference.scans import Scans, scans_of
@@ -147,6 +148,7 @@ def cross_entropy(
     data = measured(recording, installation)
     search = search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
     scans, notes = scans_of(data, installation, search)
+    notes = (*said(data), *notes)
     model = trial(vehicle, track, data.sensors, wilson(scans.step), scans.position, scans.speed)
     _check_reaction(model, search)
     march = _march(model, scans, search, evaluation, np.random.default_rng(seed), progress)

@@ -79,6 +79,11 @@ def marked(faults: Sequence[Fault], data: Measured, model: Model) -> Mask:
     return found
 
 
+def said(data: Measured) -> tuple[str, ...]:
+    """What was found wrong before anything was modelled, and what was done about it, in sentences."""
+    return (*data.notes, *told(data.faults, data.motion.distance))
+
+
 def told(faults: Sequence[Fault], distance: Array) -> tuple[str, ...]:
     """One sentence for each kind of fault of each channel: how often, how much, and where.
 

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
+from trackprofile.inference.doubted import said
 from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import Measured, measured
 from trackprofile.sensor import Installation
@@ -58,9 +59,14 @@ def passes_of(
     data = [measured(one, installation) for one in recordings]
     for i, one in enumerate(data[1:], start=2):
         _expect_same_sensors(data[0], one, i)
+    notes = [
+        f"recording {i}: {one}" if len(data) > 1 else one
+        for i, those in enumerate(data, start=1)
+        for one in said(those)
+    ]
     if reference is None:
-        return [Pass(one, number=i) for i, one in enumerate(data, start=1)], []
-    known, passes, notes = KnownProfile.of(reference), [], []
+        return [Pass(one, number=i) for i, one in enumerate(data, start=1)], notes
+    known, passes = KnownProfile.of(reference), list[Pass]()
     for i, one in enumerate(data, start=1):
         try:
             passes.append(Pass(known.covered(one, vehicle, installation.origin), known, i))
@@ -71,7 +77,7 @@ def passes_of(
             notes.append(f"recording {i} is used without the reference: {error}")
     if all(one.known is None for one in passes):
         raise DataError(
-            f"The reference covers none of the {len(data)} recordings; leave it out, or choose another. {notes[0]}"
+            f"The reference covers none of the {len(data)} recordings; leave it out, or choose another. {notes[-1]}"
         )
     return passes, notes
 

@@ -5,7 +5,8 @@ v_k the sample's noise, p_k what the others leave open, u_k = (S⁻¹ y)_k and d
 ``BEYOND`` standard deviations away is given the noise that it shows, v_k = e_k² - p_k, which is the maximum likelihood
 of that variance (Thompson 1985). A stretch whose median shows more noise than its sensor's is given that. Offsets that
 jump or drift are found likewise, by the slope of the likelihood over a jump at each place. What is not beyond is left
-as it was: good data are smoothed once, as if nothing of this existed.
+as it was: good data are smoothed once, as if nothing of this existed. What a sensor shows all along beyond its noise is
+the model's error, which no weight of single samples heals: all is measured by that.
 """
 
 from __future__ import annotations
@@ -37,10 +38,13 @@ STRETCH = 128
 """Samples of one sensor over which its noise is taken to be constant: enough for a median."""
 
 LOUDER = 3.0
-"""Times its variance that the noise of a stretch has to show before it is believed."""
+"""Times its variance that the noise of a stretch has to show before it is believed: five standard deviations of it."""
 
 CHI_SQUARE_MEDIAN = 0.4549
 """Of the square of a standard normal number."""
+
+NORMAL_DEVIATION = 1.4826
+"""Standard deviation of normal numbers over the median of their distance from their median."""
 
 LEAST_TOLD = 1e-9
 """Share of the greatest precision below which nothing is told of an offset: at the very end of a ride."""
@@ -138,11 +142,18 @@ def _judged(
     """The weights that the last round asks for."""
     error = smoothed.residual[:, 0] / (noise * judged.precision)
     open_ = np.maximum(1.0 / judged.precision - noise, 0.0)
-    louder = _louder(ride.sensors, np.square(error), open_, variance)
-    beyond = np.square(error) > BEYOND**2 * (louder * variance + open_)
-    own = np.where(beyond, np.square(error) - open_, 0.0)
+    squares = np.square(error)
+    louder, beyond, bar = np.ones_like(variance), np.zeros(len(variance), bool), 1.0
+    for i in range(ride.offsets):
+        rows = ride.sensors == i
+        louder[rows], usual, here = _louder(squares[rows], open_[rows], variance[rows])
+        most = BEYOND**2 * usual * (louder * variance + open_)
+        beyond[rows] = squares[rows] > most[rows]
+        # What the model leaves open in one signal moves the offsets of the others too.
+        bar = max(bar, here)
+    own = np.where(beyond, squares - open_, 0.0)
     offsets = zip(weights.jumps.T, smoothed.offset_score.T, judged.offset_precision.T, strict=True)
-    jumps = np.stack([_jumps(*offset) for offset in offsets], axis=1)
+    jumps = np.stack([_jumps(*offset, BEYOND**2 * bar) for offset in offsets], axis=1)
     return replace(weights, louder=louder, own=own, jumps=jumps)
 
 
@@ -162,28 +173,34 @@ def _drifting(weights: Weights, smoothed: Smoothed, judged: Variances, walk: Wal
     return replace(weights, drift=drift, jumps=np.where(first, 0.0, weights.jumps))
 
 
-def _jumps(jumps: Array, score: Array, precision: Array) -> Array:
-    """Of one offset: those of the last round that still show, and the clearest of the others."""
+def _jumps(jumps: Array, score: Array, precision: Array, least: float) -> Array:
+    """Of one offset: those of the last round that still show, ``least`` variances large, and the clearest other."""
     known = precision > LEAST_TOLD * np.max(precision, initial=0.0)
     precise = np.where(known, precision, 1.0)
     shown, without = np.square(score / precise), np.maximum(1.0 / precise - jumps, 0.0)
     far = np.where(known, shown / without, 0.0)
     b = int(np.argmax(np.where(jumps > 0.0, 0.0, far)))
     stay = (jumps > 0.0) | (np.arange(len(jumps)) == b)
-    return np.where(stay & (far > BEYOND**2), shown - without, 0.0)
+    return np.where(stay & (far > least), shown - without, 0.0)
 
 
-def _louder(sensors: NDArray[np.int64], squares: Array, open_: Array, variance: Array) -> Array:
-    """How much louder each sensor's stretches are than the sensor, (rows,) of at least 1."""
+def _louder(squares: Array, open_: Array, variance: Array) -> tuple[Array, float, float]:
+    """How much louder stretches of one sensor are than it, (its rows,) of at least 1; how loud half of them are at
+    least; and that times what they differ by anyway, above which one is louder.
+    """
     louder = np.ones_like(variance)
-    for sensor in np.unique(sensors):
-        rows = np.flatnonzero(sensors == sensor)
-        for part in np.array_split(rows, max(1, len(rows) // STRETCH)):
-            shown = np.median(squares[part] / (variance[part] + open_[part])) / CHI_SQUARE_MEDIAN
-            if shown > LOUDER:
-                own = np.median(squares[part]) / CHI_SQUARE_MEDIAN - np.median(open_[part])
-                louder[part] = max(1.0, own / np.median(variance[part]))
-    return louder
+    parts = np.array_split(np.arange(len(variance)), max(1, len(variance) // STRETCH))
+    each = squares / (variance + open_)
+    shown = [max(np.median(each[part]) / CHI_SQUARE_MEDIAN, LEAST_TOLD) for part in parts]
+    mostly = float(np.median(np.log(shown)))
+    differ = NORMAL_DEVIATION * float(np.median(np.abs(np.log(shown) - mostly)))
+    usual = max(1.0, float(np.exp(mostly)))
+    bar = usual * max(1.0, float(np.exp(BEYOND * differ)) / LOUDER)
+    for part, times in zip(parts, shown, strict=True):
+        if times > LOUDER * bar:
+            own = np.median(squares[part]) / CHI_SQUARE_MEDIAN - np.median(open_[part])
+            louder[part] = max(1.0, own / np.median(variance[part]))
+    return louder, usual, bar
 
 
 def _held(again: Weights, last: Weights, variance: Array) -> Weights:

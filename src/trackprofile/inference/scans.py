@@ -58,7 +58,7 @@ def scans_of(
     missing = np.flatnonzero(~np.all(data.valid, axis=1))
     if missing.size:
         raise DataError(
-            f"Cross-entropy needs every sample, and data row {missing[0] + 1} has none in some channel; "
+            f"Cross-entropy needs every sample, and {_missing(data, int(missing[0]))}; "
             "cut the recording there (--from, --to), leave the channel out, or take the smoother."
         )
     steps = np.diff(motion.time)
@@ -95,6 +95,18 @@ def scans_of(
         f"taken to start at {scans.position[0]:.2f} m at rest on level track, with sensors without offset",
     )
     return scans, notes + assumed
+
+
+def _missing(data: Measured, sample: int) -> str:
+    """What has no value there, and why, in words."""
+    channel = int(np.argmin(data.valid[sample]))
+    name = data.sensors[channel].name
+    kinds = [
+        str(one.kind)
+        for one in data.faults
+        if one.channel == name and one.first <= sample <= one.last
+    ]
+    return f"{name!r} has none in data row {sample + 1} ({', '.join(kinds) or 'marked invalid'})"
 
 
 def _stride(spacing: float, search: Search) -> tuple[int, tuple[str, ...]]:

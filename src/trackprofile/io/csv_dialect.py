@@ -86,7 +86,9 @@ def find_dialect(path: Path) -> Dialect:
         beginning = file.read(BEGINNING)
     encoding = _encoding(beginning)
     text = codecs.getincrementaldecoder(encoding)("replace").decode(beginning)
-    if "\0" in text or not text.strip():
+    if not text.strip():
+        raise FileError(f"{path}: the file is empty; copy or export it again.")
+    if "\0" in text:
         raise no_table(path)
     lines = text.splitlines()
     if len(beginning) == BEGINNING:

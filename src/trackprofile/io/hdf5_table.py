@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from trackprofile.errors import FileError
+from trackprofile.io.apart import tried_apart
 from trackprofile.io.heading import Column, Heading, as_numbers, check_size
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".nc")
@@ -20,11 +21,8 @@ _DEEPEST = 8
 
 def headings(path: Path) -> tuple[Heading, ...]:
     """The rows of numbers in a file, by their path in it; groups and matrices are passed over."""
-    with opened(path) as file:
-        return tuple(
-            Heading(name, _unit(one), int(one.size or 0), _clock(file, one))
-            for name, one in _rows(file)
-        )
+    tried_apart(path, __name__)
+    return _headings(path)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
@@ -34,10 +32,13 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     ------
     FileError : the file is damaged, or claims to hold more than it can.
     """
-    with opened(path) as file:
-        rows = {name: one for name, one in _rows(file) if name in names}
-        check_size(path, 8.0 * sum(int(one.size or 0) for one in rows.values()))
-        return {name: as_numbers(path, name, np.ravel(one[()])) for name, one in rows.items()}
+    tried_apart(path, __name__)
+    return _read(path, names)
+
+
+def walk(path: Path) -> None:
+    """Read all of them, for `tried_apart`."""
+    _read(path, [one.name for one in _headings(path)])
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -47,6 +48,21 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
             file.create_dataset(name, data=values)
             if name in units:
                 file[name].attrs["units"] = units[name]
+
+
+def _headings(path: Path) -> tuple[Heading, ...]:
+    with opened(path) as file:
+        return tuple(
+            Heading(name, _unit(one), int(one.size or 0), _clock(file, one))
+            for name, one in _rows(file)
+        )
+
+
+def _read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    with opened(path) as file:
+        rows = {name: one for name, one in _rows(file) if name in names}
+        check_size(path, 8.0 * sum(int(one.size or 0) for one in rows.values()))
+        return {name: as_numbers(path, name, np.ravel(one[()])) for name, one in rows.items()}
 
 
 @contextmanager

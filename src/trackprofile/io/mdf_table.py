@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
+from trackprofile.io.apart import tried_apart
 from trackprofile.io.heading import Column, Heading, as_numbers, check_size, unique
 
 SUFFIXES = (".mf4", ".mdf", ".dl3")
@@ -24,8 +25,9 @@ _LINES = {None, 0, 1, 65535}
 
 def headings(path: Path) -> tuple[Heading, ...]:
     """The channels of a file, each with its group's clock."""
-    with _opened(path) as file:
-        return tuple(heading for heading, _ in _channels(file))
+    _library(path)
+    tried_apart(path, __name__)
+    return _headings(path)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
@@ -36,10 +38,19 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     FileError : asammdf is not installed, or the file is damaged.
     DataError : a channel does not hold numbers, or is defined by more than a line.
     """
+    _library(path)
+    tried_apart(path, __name__)
+    return _read(path, names)
+
+
+def walk(path: Path) -> None:
+    """Read all of them, for `tried_apart`; those that hold no numbers are refused when they are chosen."""
     with _opened(path) as file:
-        chosen = [(one, place) for one, place in _channels(file) if one.name in names]
+        chosen = _channels(file)
         check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
-        return {one.name: _values(path, file, one.name, *place) for one, place in chosen}
+        for one, place in chosen:
+            with suppress(DataError):
+                _values(path, file, one.name, *place)
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -55,6 +66,18 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
     with asammdf.MDF(version="4.10") as file:
         file.append(signals, comment="trackprofile")
         file.save(path, overwrite=True)
+
+
+def _headings(path: Path) -> tuple[Heading, ...]:
+    with _opened(path) as file:
+        return tuple(heading for heading, _ in _channels(file))
+
+
+def _read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    with _opened(path) as file:
+        chosen = [(one, place) for one, place in _channels(file) if one.name in names]
+        check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
+        return {one.name: _values(path, file, one.name, *place) for one, place in chosen}
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import xarray as xr
 
 from trackprofile.contracts import validated
 from trackprofile.errors import FileError
+from trackprofile.io.apart import tried_apart
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import located
 
@@ -27,6 +28,25 @@ def sniff(path: Path) -> bool:
 
 def read(path: Path) -> xr.Dataset:
     """The dataset in the file, in memory, validated."""
+    tried_apart(path, __name__)
+    dataset = _loaded(path)
+    with located(path):
+        return validated(dataset)
+
+
+def walk(path: Path) -> None:
+    """Read all of it, for `tried_apart`."""
+    _loaded(path)
+
+
+def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
+    """Write the dataset as it is."""
+    with whole_files(path) as (file,):
+        dataset.to_netcdf(file, engine="h5netcdf")
+    return (path,)
+
+
+def _loaded(path: Path) -> xr.Dataset:
     try:
         # First without h5netcdf, which on a damaged file also writes to standard error.
         with h5py.File(path) as file:
@@ -36,12 +56,4 @@ def read(path: Path) -> xr.Dataset:
     except (OSError, KeyError, ValueError, RuntimeError) as error:
         raise FileError(f"{path}: damaged or cut short; copy it again.") from error
     dataset.encoding = {}
-    with located(path):
-        return validated(dataset)
-
-
-def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
-    """Write the dataset as it is."""
-    with whole_files(path) as (file,):
-        dataset.to_netcdf(file, engine="h5netcdf")
-    return (path,)
+    return dataset

@@ -76,11 +76,12 @@ def _opened(path: Path) -> Iterator[Any]:
 def _library(path: Path) -> Any:
     try:
         import nptdms
+        from nptdms.log import log_manager
     except ImportError as error:
         raise FileError(
             f"{path}: TDMS files need the library npTDMS; install it: pip install 'trackprofile[tdms]'."
         ) from error
-    logging.getLogger("nptdms").setLevel(logging.CRITICAL)
+    log_manager.set_level(logging.CRITICAL)
     return nptdms
 
 
