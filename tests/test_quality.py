@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trackprofile.conditioning.faults import at_end_of_range
+from trackprofile.conditioning.rules import at_end_of_range
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.estimate import estimate

@@ -16,10 +16,10 @@ from trackprofile.conditioning.faults import (
     Fault,
     FaultKind,
     find_faults,
-    resolution,
     samples_of,
 )
 from trackprofile.conditioning.mounting import Upright, freed_of_gravity
+from trackprofile.conditioning.rules import resolution
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError

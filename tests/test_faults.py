@@ -1,0 +1,36 @@
+"""Rules of faults on signals whose faults are known."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trackprofile.conditioning.faults import FaultKind, find_faults
+from trackprofile.conditioning.rules import resolution
+from trackprofile.contracts import Channel, build_recording
+
+
+def rough(count: int, seed: int = 1) -> np.ndarray:
+    return np.cumsum(np.random.default_rng(seed).standard_normal(count)) * 0.05
+
+
+def test_a_slow_train_sampled_at_equal_distances_has_no_gaps_in_time() -> None:
+    distance = 0.25 * np.arange(2000)
+    speed = 5.0 + 15.0 * distance / distance[-1]
+    time = np.concatenate([[0.0], np.cumsum(np.diff(distance) / speed[1:])])
+    floor = Channel("floor", rough(2000), "vertical acceleration", "body", 0.0)
+    recording = build_recording([floor], time=time, distance=distance, speed=speed)
+    assert find_faults(recording) == ()
+    torn = recording.isel(sample=np.r_[0:700, 703:2000])
+    assert [(one.kind, one.first) for one in find_faults(torn)] == [(FaultKind.GAP, 699)]
+
+
+@given(step=st.floats(0.04, 0.2), begin=st.integers(512, 1000))
+def test_coarse_steps_are_told_where_they_were_rounded_after(step: float, begin: int) -> None:
+    signal = rough(2048)
+    signal[begin : begin + 512] = step * np.round(signal[begin : begin + 512] / step)
+    found = resolution(np.round(signal, 2))
+    core = slice(begin + 128, begin + 384)
+    np.testing.assert_allclose(found[core], step, atol=0.1 * step)
+    np.testing.assert_allclose(found[: begin - 128], 0.01)
