@@ -234,7 +234,7 @@ def copied(values: Array, part: slice) -> None:
 
 def drifting(table: Table) -> Table:
     return table.first_with(
-        lambda values: values + 0.2 * rms(values) * np.sin(np.linspace(0, 2 * np.pi, len(values)))
+        lambda values: values + rms(values) * np.sin(np.linspace(0, 2 * np.pi, len(values)))
     )
 
 
