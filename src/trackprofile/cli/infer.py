@@ -55,7 +55,7 @@ def infer(
     to_m: To = None,
     draws: Annotated[
         int | None,
-        typer.Option(min=2, help="Behind the bands' uncertainty: 64, for a long ride 24."),
+        typer.Option(min=2, help="Behind the bands' uncertainty: 128, for a long ride down to 24."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the draws, or of the search.")] = 0,
     correct: Annotated[

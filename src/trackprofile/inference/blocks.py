@@ -43,8 +43,11 @@ Array = NDArray[np.float64]
 LENGTH = 8000.0
 """m of a block: some 0.8 GB."""
 
-DRAWS, DRAWS_EACH = 64, 24
-"""Of the error, behind the uncertainty of the bands: for a ride of one block, and for each block of a longer one."""
+DRAWN = 512e3
+"""m of track in all draws of the error, behind the uncertainty of the bands."""
+
+FEWEST_DRAWS, MOST_DRAWS = 24, 128
+"""However long or short the ride."""
 
 FADE = 400.0
 """m over which one block goes over into the next."""
@@ -126,6 +129,20 @@ def cut(distance: Array) -> list[Block]:
         )
         for number, (begin, end) in enumerate(pairwise(edges))
     ]
+
+
+def usual_draws(blocks: Sequence[Block]) -> int:
+    """How many draws a ride of these blocks takes: the shorter, the fewer waves it has to average over.
+
+    Examples
+    --------
+    >>> [usual_draws(cut(np.array([0.0, run]))) for run in (1000.0, 8000.0, 100e3)]
+    [128, 64, 24]
+    """
+    if len(blocks) > 1:
+        return FEWEST_DRAWS
+    length = max(blocks[0].end - blocks[0].begin, 1.0)
+    return round(min(max(DRAWN / length, FEWEST_DRAWS), MOST_DRAWS))
 
 
 def solved(data: Measured, block: Block, task: Task, progress: Progress) -> Piece:

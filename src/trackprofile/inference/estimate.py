@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackprofile.bands import FILTER_NAME
 from trackprofile.conditioning.faults import Fault
 from trackprofile.contracts import build_profile, with_provenance
-from trackprofile.inference.blocks import DRAWS, DRAWS_EACH, Piece, Task, cut, joined, solved
+from trackprofile.inference.blocks import Piece, Task, cut, joined, solved, usual_draws
 from trackprofile.inference.doubted import told
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
@@ -92,7 +92,7 @@ def infer(
     installation : of the sensors, from a calibration; None takes the recording's word
     track : what the wheels stand on; None is a rigid track
     prior : spectrum of the profile before anything is measured; None finds its level and knee from the data
-    draws : number of posterior draws behind the bands' standard deviations; None: 64, for a long ride 24
+    draws : number of posterior draws behind the bands' standard deviations; None: 128, for a long ride down to 24
     seed : of the draws
     correct : take off what the full model of a layered track makes of the profile beyond the point track that
         stands for it; once, for the waves of a sleeper bay would grow with each repetition
@@ -145,7 +145,7 @@ def estimate(
         installation = replace(installation, uncertainty=with_gains(installation.uncertainty, data))
         notes += ("the uncertainty of a gain that an angle made is in that of the profile",)
     run = moved(data, model).distance
-    draws = draws or (DRAWS if len(cut(run)) == 1 else DRAWS_EACH)
+    draws = draws or usual_draws(cut(run))
     task = Task(model, installation, track, draws, seed, correct)
     data = replace(data, loud=loudness(data))
     found = joined(_pieces(data, run, task, {} if kept is None else kept, progress))
