@@ -60,7 +60,10 @@ assert edge_distance(D3) + FADE / 2 <= OVERLAP
 
 @dataclass(frozen=True)
 class Task:
-    """What is the same for all blocks; see :func:`trackprofile.inference.estimate.infer`."""
+    """What is the same for all blocks; see :func:`trackprofile.inference.estimate.infer`.
+
+    ``ends`` : m, where the leading wheel stood at the first and the last sample
+    """
 
     model: Model
     installation: Installation
@@ -68,6 +71,7 @@ class Task:
     draws: int
     seed: int
     correct: bool
+    ends: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -153,7 +157,6 @@ def solved(data: Measured, block: Block, task: Task, progress: Progress) -> Piec
     DataError
         Where the recording is shorter than the vehicle.
     """
-    whole = moved(data, task.model).distance
     data = data.part(block.rows)
     model = task.model
     system, ride = ride_of(data, model)
@@ -181,7 +184,7 @@ def solved(data: Measured, block: Block, task: Task, progress: Progress) -> Piec
     found = doubted(settled.weights, data, model, ride)
     flags = quality(
         place, bands, data, model, ride, _unexplained(data, ride, settled, variance),
-        data.faulty | marked(found, data, model), (float(whole[0]), float(whole[-1])),
+        data.faulty | marked(found, data, model), task.ends,
     )  # fmt: skip
     kept = slice(*map(int, np.searchsorted(place, [block.begin, block.end + 1e-9])))
     left, likelihood = _of_its_own(data, block, ride, settled)

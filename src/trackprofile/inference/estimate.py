@@ -146,7 +146,8 @@ def estimate(
         notes += ("the uncertainty of a gain that an angle made is in that of the profile",)
     run = moved(data, model).distance
     draws = draws or usual_draws(cut(run))
-    task = Task(model, installation, track, draws, seed, correct)
+    ends = (float(run[0]), float(run[-1]))
+    task = Task(model, installation, track, draws, seed, correct, ends)
     data = replace(data, loud=loudness(data))
     found = joined(_pieces(data, run, task, {} if kept is None else kept, progress))
     faults = (*data.faults, *found.faults)

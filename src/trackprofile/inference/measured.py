@@ -72,7 +72,7 @@ class Measured:
     sensors: tuple[Sensor, ...]
     signals: Array
     valid: NDArray[np.bool_]
-    step: Array
+    step: NDArray[np.float32]
     saturated: Mask
     faulty: Mask
     faults: tuple[Fault, ...] = ()
@@ -112,7 +112,7 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
     valid &= ~marked(LEFT_OUT)
     upright = [freed_of_gravity(one, good) for one, good in zip(parts, valid.T, strict=True)]
     signals = np.stack([one.values for one in upright], axis=1)
-    steps = np.zeros_like(signals)
+    steps = np.zeros(signals.shape, np.float32)
     for i, channel in enumerate(parts):
         steps[valid[:, i], i] = resolution(channel.values[valid[:, i]])
     return Measured(
@@ -323,7 +323,9 @@ def row_variance(data: Measured, model: Model, ride: Ride) -> Array:
         passed = np.maximum(0.5 / interval, sensor.bandwidth or 0.0)
         if data.limits is not None:
             passed = np.minimum(passed, data.limits[i])
-        variance[:, i] = sensor.noise_density**2 * passed + data.step[:, i] ** 2 / 12.0
+        variance[:, i] = (
+            sensor.noise_density**2 * passed + np.square(data.step[:, i], dtype=np.float64) / 12.0
+        )
     return variance[ride.samples, ride.sensors]
 
 
