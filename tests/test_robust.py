@@ -160,3 +160,18 @@ def test_noise_that_grows_for_a_while_is_not_taken_for_track(case: Case) -> None
     quiet = inside(found) & (at > found.sample_distance[loud.stop] + 40.0)
     clean = errors(case, case.clean)["D1"][quiet]
     assert rms(errors(case, found)["D1"][quiet]) < 1.1 * rms(clean)
+
+
+def test_level_of_the_track_is_found_among_spikes_and_bursts(case: Case) -> None:
+    def spoiled(values: Array) -> Array:
+        generator = np.random.default_rng(5)
+        where = generator.choice(len(values) - 6, len(values) // 100, replace=False)
+        values[where] += 30 * rms(values) * generator.choice([-1, 1], len(where))
+        values[2000:2006] += 20 * rms(values) * generator.standard_normal(6)
+        return values
+
+    def level(recording: xr.Dataset) -> float:
+        return estimate(recording, VELARO, track=ZHAI, draws=2).model.spectrum.amplitude
+
+    clean = level(case.recording)
+    assert level(with_acceleration(case.recording, spoiled)) == pytest.approx(clean, rel=0.05)

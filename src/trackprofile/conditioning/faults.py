@@ -16,9 +16,15 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, median_filter
 
 from trackprofile.bands import runs
-from trackprofile.conditioning.rules import at_end_of_range, copied, resolution, spikes, stuck
+from trackprofile.conditioning.rules import (
+    at_end_of_range,
+    copied,
+    resolution,
+    spikes,
+    step_of_all,
+    stuck,
+)
 from trackprofile.contracts import channels
-from trackprofile.motion import recorded_step
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -152,7 +158,7 @@ def _marks(values: Array, torn: Mask, *, alive: bool) -> Iterator[tuple[FaultKin
         binary_dilation(np.any([torn, *flat.values()], axis=0), iterations=BESIDE), bool
     )
     yield FaultKind.SPIKE, spikes(values) & ~broken
-    yield FaultKind.COARSE, resolution(values) > recorded_step(values)
+    yield FaultKind.COARSE, resolution(values) > step_of_all(values)
 
 
 LEFT_OUT = frozenset({FaultKind.REPEATED, FaultKind.SPIKE, FaultKind.SATURATED, FaultKind.STUCK})

@@ -43,6 +43,9 @@ FEWEST_VALUES = 12
 RESOLVED = 128
 """Samples over which a resolution is told."""
 
+FAR = 12.0
+"""Usual departures from the block's median, above which a sample says nothing of how strong a signal is."""
+
 COARSER = 3.0
 """Times the recording's resolution from which a block has lost resolution."""
 
@@ -142,6 +145,21 @@ def _departure(values: Array, width: int) -> Array:
     return departure
 
 
+def far(values: Array) -> Mask:
+    """Samples ``FAR`` times farther from their block's median than is usual there, and in half of all blocks.
+
+    Examples
+    --------
+    >>> signal = np.sin(np.arange(2000) / 3.0)
+    >>> signal[700:704] = 40.0
+    >>> np.flatnonzero(far(signal))
+    array([700, 701, 702, 703])
+    """
+    off = np.abs(values - _block_medians(values))
+    usual = _block_medians(off)
+    return off > FAR * np.maximum(usual, np.median(usual)) if len(values) else off > 0.0
+
+
 def copied(values: Array) -> Mask:
     """Rows of ``COPIED`` samples or more that repeat an earlier row to the last bit: a buffer sent twice.
 
@@ -180,13 +198,18 @@ def resolution(values: Array) -> Array:
     >>> np.unique(resolution(signal))
     array([0., 1.])
     """
-    whole = recorded_step(values)
+    whole = step_of_all(values)
     steps = np.full(len(values), whole)
     for block in _blocks(len(values), RESOLVED):
         own = _grid(values[block], whole)
         if own > COARSER * whole:
             steps[block] = own
     return steps
+
+
+def step_of_all(values: Array) -> float:
+    """The step in which a signal was recorded, few values or many; 0 where it is as good as continuous."""
+    return max(recorded_step(values), _grid(values, 0.0))
 
 
 def _grid(values: Array, rounding: float) -> float:

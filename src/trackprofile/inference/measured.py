@@ -19,7 +19,7 @@ from trackprofile.conditioning.faults import (
     samples_of,
 )
 from trackprofile.conditioning.mounting import Upright, freed_of_gravity
-from trackprofile.conditioning.rules import resolution
+from trackprofile.conditioning.rules import far, resolution
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
@@ -246,8 +246,16 @@ def loudness(data: Measured) -> Array:
     """Root mean square of each signal about its mean, (sensors,)."""
     if data.loud is not None:
         return data.loud
-    columns = range(data.signals.shape[1])
-    return np.array([np.std(data.signals[data.valid[:, i], i]) for i in columns], dtype=np.float64)
+    pairs = zip(data.signals.T, calm(data).T, strict=True)
+    return np.array([np.std(values[good]) for values, good in pairs], dtype=np.float64)
+
+
+def calm(data: Measured) -> Mask:
+    """Valid samples, (n, sensors), without those so far off that they would make all others look weak."""
+    good = data.valid.copy()
+    for values, here in zip(data.signals.T, good.T, strict=True):
+        here[here] = ~far(values[here])
+    return good
 
 
 def local_loudness(data: Measured, loud: Array) -> Array:
@@ -255,10 +263,11 @@ def local_loudness(data: Measured, loud: Array) -> Array:
 
     What a rigid, linear car leaves out grows with what excites it.
     """
-    mean = np.array([np.mean(data.signals[v, i]) for i, v in enumerate(data.valid.T)])
-    squares = np.where(data.valid, np.square((data.signals - mean) / np.maximum(loud, TINY)), 0.0)
+    good = calm(data)
+    mean = np.array([np.mean(data.signals[here, i]) for i, here in enumerate(good.T)])
+    squares = np.where(good, np.square((data.signals - mean) / np.maximum(loud, TINY)), 0.0)
     power = np.concatenate([[0.0], np.cumsum(np.sum(squares, axis=1))])
-    count = np.concatenate([[0], np.cumsum(np.sum(data.valid, axis=1))])
+    count = np.concatenate([[0], np.cumsum(np.sum(good, axis=1))])
     at = data.motion.distance
     low, high = np.searchsorted(at, at - LOCAL), np.searchsorted(at, at + LOCAL, side="right")
     mean_power = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)

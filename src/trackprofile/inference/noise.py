@@ -9,7 +9,18 @@ from numpy.typing import NDArray
 
 from trackprofile.inference.evidence import innovations_of
 from trackprofile.inference.likelihood import Progress, maximise
-from trackprofile.inference.measured import USUAL, Measured, Model
+from trackprofile.inference.measured import (
+    USUAL,
+    Measured,
+    Model,
+    calm,
+    moved,
+    ride_of,
+    row_signals,
+    row_variance,
+    start_of,
+    walk_of,
+)
 from trackprofile.inference.parameters import (
     Parameter,
     changed,
@@ -19,6 +30,7 @@ from trackprofile.inference.parameters import (
     white_noise_parameters,
 )
 from trackprofile.inference.passes import Pass
+from trackprofile.inference.robust import settle
 from trackprofile.sensor import Installation, Sensor
 from trackprofile.spectrum import Spectrum
 from trackprofile.track import PointTrack
@@ -58,21 +70,48 @@ def find_noise(
     if not unknowns:
         return model, _assumed(model)
     piece = _informative(data)
-
-    def of_piece(at: Array) -> tuple[Array, Array]:
-        return innovations_of([Pass(piece)], changed(model, unknowns, at))
-
-    centre = values_of(model, unknowns)
-    precision = np.array([one.spread**-2 for one in unknowns])
-    found = maximise(
-        of_piece, centre, centre, precision, lambda share: progress("finding the noise", share)
-    )
-    complete = changed(model, unknowns, found.parameters)
+    # Samples that no level of the track explains would set it.
+    complete = _likeliest(replace(piece, valid=calm(piece)), model, model, unknowns, progress)
+    good = _believed(piece, complete)
+    if good is not None:
+        complete = _likeliest(good, model, complete, unknowns, progress)
     said = [
         f"{one.name} found by maximum likelihood: {one.get(complete):.3g} {one.unit}"
         for one in unknowns
     ]
     return complete, (*said, *_assumed(complete))
+
+
+def _likeliest(
+    piece: Measured, model: Model, begin: Model, unknowns: list[Parameter], progress: Progress
+) -> Model:
+    def of_piece(at: Array) -> tuple[Array, Array]:
+        return innovations_of([Pass(piece)], changed(model, unknowns, at))
+
+    precision = np.array([one.spread**-2 for one in unknowns])
+    found = maximise(
+        of_piece,
+        values_of(begin, unknowns),
+        values_of(model, unknowns),
+        precision,
+        lambda share: progress("finding the noise", share),
+    )
+    return changed(model, unknowns, found.parameters)
+
+
+def _believed(piece: Measured, model: Model) -> Measured | None:
+    """Without what the smoother weighs down; None where that is nothing."""
+    system, ride = ride_of(piece, model)
+    variance, signals = row_variance(piece, model, ride), row_signals(piece, model, ride)
+    walk = walk_of(ride, moved(piece, model), model.sensors)
+    start = start_of(piece, model, system, ride)
+    weights = settle(ride, model.spectrum, variance, start, signals, walk).weights
+    doubtful = (weights.own > 0.0) | (weights.louder > 1.0)
+    if not doubtful.any():
+        return None
+    valid = piece.valid.copy()
+    valid[ride.samples[doubtful], ride.sensors[doubtful]] = False
+    return replace(piece, valid=valid)
 
 
 def _assumed(model: Model) -> tuple[str, ...]:
