@@ -268,6 +268,7 @@ def piece(elevation: float, spread: float, flags: int = 0) -> Piece:
     )  # fmt: skip
 
 
+@settings(deadline=None)
 @given(st.floats(0.0, 1.0), st.floats(1e-6, 1e-2), st.floats(1e-6, 1e-2))
 def test_uncertainty_of_a_rail_is_that_of_a_sum(shared: float, m: float, c: float) -> None:
     # Analytic: var(e_m ± e_c/2) = σ_m² + σ_c²/4 ± ρ σ_m σ_c, of which the greater is stated.

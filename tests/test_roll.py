@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -189,6 +189,7 @@ def test_sensors_of_other_places_or_kinds_are_no_pair(change: dict) -> None:
     assert pairs_of([left, right]) == ()
 
 
+@settings(deadline=None)
 @given(st.floats(0.1, 1.5), st.floats(0.1, 1.5), st.floats(1e-5, 1e-1), st.floats(1e-5, 1e-1))
 def test_noise_of_mean_and_difference_is_that_of_weighted_sums(
     y_left: float, y_right: float, n_left: float, n_right: float
