@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from trackprofile.assessment.assess import Assessment
     from trackprofile.assessment.changes import Changes, Pass
+    from trackprofile.contracts import Rail
     from trackprofile.limits import Limits
     from trackprofile.location import Way
 
@@ -68,9 +70,8 @@ def assess(
 ) -> None:
     """Judge a profile by limits: defects with their probability, standard deviations, classes."""
     from trackprofile.assessment.tables import geojson_per_rail, tables, tables_per_rail
-    from trackprofile.contracts import Rail, rails_of
     from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
-    from trackprofile.reporting.summary import headline, summary
+    from trackprofile.reporting.summary import headline
 
     along = _way(way)
     wanted = output or []
@@ -81,10 +82,7 @@ def assess(
             raise DataError(
                 f"{path}: a map needs latitude and longitude; give a --way that has them."
             )
-    read = read_as(profile, "profile")
-    apart = len(rails_of(read)) > 1
-    judged = list(JudgedRail) if apart and rail is None else [rail or JudgedRail.MEAN]
-    each = {Rail(one): _assessed(read, limits, speed, from_m, to_m, passes, one) for one in judged}
+    each, apart = _each_rail(profile, limits, speed, (from_m, to_m, passes), rail)
     found = next(iter(each.values()))
     made = tables_per_rail(each, along) if apart else tables(found, along)
     files: list[Path] = []
@@ -93,11 +91,8 @@ def assess(
             files.append(write_geojson(geojson_per_rail(each, along), path))
         else:
             files += write_tables(made, path)
-    said = [headline(found, along)]
-    for one, of_rail in each.items():
-        whose = f"{one.value.capitalize()}: " if apart else ""
-        said += [whose + sentence for sentence in summary(of_rail, along)]
-    notes = list(dict.fromkeys(note for of_rail in each.values() for note in of_rail.notes))
+    said = [headline(found, along), *_sentences(each, along, apart=apart)]
+    notes = list(dict.fromkeys(note for one in each.values() for note in one.notes))
     if as_json:
         about = {"summary": said, "notes": notes, "filter": found.filter}
         show.as_one_object({"files": list(map(str, files))} | about | made)
@@ -215,6 +210,29 @@ def _way(path: Path | None) -> Way:
     from trackprofile.location import Way
 
     return Way() if path is None else read_way(path)
+
+
+def _each_rail(
+    path: Path, limits: str, speed: str, span: tuple[float | None, float | None, int], rail: JudgedRail | None
+) -> tuple[dict[Rail, Assessment], bool]:  # fmt: skip
+    """The assessment of the rail that is asked for, else of all that there are; and whether they are told apart."""
+    from trackprofile.contracts import Rail, rails_of
+
+    read = read_as(path, "profile")
+    apart = len(rails_of(read)) > 1
+    judged = list(JudgedRail) if apart and rail is None else [rail or JudgedRail.MEAN]
+    return {Rail(one): _assessed(read, limits, speed, *span, one) for one in judged}, apart
+
+
+def _sentences(each: Mapping[Rail, Assessment], along: Way, *, apart: bool) -> list[str]:
+    """The summary, rail by rail."""
+    from trackprofile.reporting.summary import summary
+
+    return [
+        (f"{rail.value.capitalize()}: " if apart else "") + sentence
+        for rail, found in each.items()
+        for sentence in summary(found, along)
+    ]
 
 
 def _assessed(
