@@ -23,7 +23,7 @@ LAYERS = (
     {"inference", "comparison", "assessment", "io"},
     {"plot", "scenario", "paper", "resume", "store"},
     {"reporting", "outputs"},
-    {"demo", "bench", "reproduction"},
+    {"demo", "bench", "reproduction", "server"},
     {"cli"},
     {"__main__"},
 )

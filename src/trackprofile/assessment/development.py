@@ -47,6 +47,8 @@ class Development:
         for fewer than three passes
     reached : per limit that lies ahead
     left_out : passes that do not tell this place, with the reason
+    distance : around the place, of the earliest pass (n) [m]
+    along : level of every pass there (passes, n) [m]
     """
 
     band: Band
@@ -58,6 +60,8 @@ class Development:
     straightness: float | None
     reached: tuple[Reached, ...]
     left_out: Mapping[str, str]
+    distance: Array
+    along: Array
 
     @property
     def straight(self) -> bool:
@@ -125,6 +129,8 @@ def development(
         straightness=_straightness(level, deviation, rate, days),
         reached=limits_reached(rate, heights, told[-1].one.day) if rate and heights else (),
         left_out=left_out,
+        distance=together.distance,
+        along=together.level,
     )
 
 
@@ -148,7 +154,8 @@ def _telling(
             candidate = _aligned(one, told[0].moved if told else None)
             reason = _obstacle(candidate.moved, band, at)
         except DataError as error:
-            reason = str(error).removeprefix(f"{one.name}: ").removesuffix(".")
+            left_out[one.name] = str(error).removeprefix(f"{one.name}: ").removesuffix(".")
+            continue
         if reason:
             left_out[one.name] = reason
         else:

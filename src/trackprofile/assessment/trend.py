@@ -176,4 +176,4 @@ def rate_at(passes: Stack, days: Array, place: int) -> Rate | None:
         return None
     coefficients, gains = _line(passes, days)
     covariance = (gains * np.square(passes.deviation[:, place])) @ gains.T
-    return Rate(*map(float, coefficients[:, place]), covariance)
+    return Rate(float(coefficients[0, place]), float(coefficients[1, place]), covariance)

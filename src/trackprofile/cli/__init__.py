@@ -26,6 +26,7 @@ from trackprofile.cli.options import (
     TrackName,
     read_as,
 )
+from trackprofile.cli.serve import serve
 from trackprofile.cli.simulate import simulate
 from trackprofile.cli.vehicles import app as vehicles
 from trackprofile.errors import DataError, TrackprofileError
@@ -45,6 +46,7 @@ app.command()(simulate)
 app.command()(assess)
 app.command()(report)
 app.command()(changes)
+app.command()(serve)
 app.add_typer(vehicles, name="vehicles")
 
 

@@ -129,7 +129,8 @@ def is_own(host: str, names: frozenset[str]) -> bool:
 
     Examples
     --------
-    >>> [is_own(one, frozenset({"track.example"})) for one in ("127.0.0.1:8000", "[::1]", "track.example", "evil.example")]
+    >>> names = frozenset({"track.example"})
+    >>> [is_own(one, names) for one in ("127.0.0.1:8000", "[::1]", "track.example", "evil.example")]
     [True, True, True, False]
     """
     try:
