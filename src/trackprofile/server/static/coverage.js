@@ -1,6 +1,6 @@
 // Passes over the line as rows: how sure each one is, place by place.
 
-import { INK, axisBelow, boxOf, prepared, scale, ticks } from "./plot.js";
+import { INK, axisBelow, boxOf, fitting, prepared, scale, ticks } from "./plot.js";
 import { WIDE, km, kmDigits, number } from "./words.js";
 
 const MARGINS = { left: 82, right: 12, top: 2, bottom: 22 };
@@ -16,7 +16,7 @@ export function shadeOf(deviation, least) {
 export function drawCoverage(canvas, found, whole, day) {
   const { pen, width, height } = prepared(canvas), box = boxOf(width, height, MARGINS), x = scale(whole, box.left, box.right);
   const rows = [...found.passes].reverse(), tall = box.height / Math.max(1, rows.length);
-  const { step, at } = ticks(whole, Math.max(2, box.width / 105));
+  const { step, at } = ticks(whole, fitting(box));
   axisBelow(pen, box, x, at, (place) => km(place, kmDigits(step)), { least: box.left - 20, most: width });
   const every = Math.ceil(13 / tall);
   rows.forEach((one, k) => {

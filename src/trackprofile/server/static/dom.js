@@ -35,20 +35,25 @@ export function choice(name, options, chosen, onchange, attributes = {}) {
   return el("label", { class: "choice" }, el("span", {}, name), select);
 }
 
+/** What has to be said with every number, to be opened. */
+export function warnings(notes) {
+  return notes.length > 0 && el("details", { class: "warning" }, el("summary", {}, "To be said with every number"), el("ul", {}, notes.map((note) => el("li", {}, `${note}.`))));
+}
+
 /** A table of heads and rows of cells; a cell is a node, a text, or {number: text}. Names in narrow screens' cards. */
 export function table(heads, rows, attributes = {}) {
   const cell = (one, index) => {
     const isNumber = one && typeof one === "object" && !(one instanceof Node) && "number" in one;
     const name = heads[index].name;
     return el(index ? "td" : "th", {
-      scope: index ? undefined : "row", class: [isNumber && "number", heads[index].minor && "minor"].filter(Boolean).join(" "),
+      scope: index ? undefined : "row", role: index ? "cell" : "rowheader", class: [isNumber && "number", heads[index].minor && "minor", heads[index].long && "long"].filter(Boolean).join(" "),
       "data-name": name,
     }, isNumber ? one.number : one);
   };
   return el("div", { class: "wide", tabindex: 0, role: "region", "aria-label": attributes.label },
-    el("table", { id: attributes.id },
+    el("table", { id: attributes.id, role: "table" },
       attributes.label && el("caption", {}, attributes.label),
       el("thead", {}, el("tr", {}, heads.map((one) =>
         el("th", { scope: "col", class: [one.number && "number", one.minor && "minor"].filter(Boolean).join(" ") }, one.name)))),
-      el("tbody", {}, rows.map((row) => el("tr", { class: row.mark || "" }, row.cells.map(cell))))));
+      el("tbody", {}, rows.map((row) => el("tr", { class: row.mark || "", role: "row" }, row.cells.map(cell))))));
 }

@@ -133,6 +133,7 @@ function header() {
     app.locked && el("button", { type: "button", class: "quiet", onclick: () => logOut().then(() => { app.lines = []; render(); }, failed) }, "Log out"));
   fill(document.getElementById("views"), Object.entries(VIEWS).map(([key, [name]]) =>
     el("a", { href: app.href({ view: key, page: undefined }), "aria-current": key === state.view ? "page" : undefined }, name)));
+  document.querySelector("#views [aria-current]")?.scrollIntoView({ block: "nearest", inline: "nearest" });
   if (focused) box.querySelector(`[data-choice="${focused}"]`)?.focus();
 }
 

@@ -111,17 +111,18 @@ export function area(pen, first, last, x, low, high, colour) {
   pen.fill();
 }
 
-/** A label that stays readable over lines. */
+/** A label that stays readable over lines; y is its middle. */
 export function label(pen, text, x, y, colour = INK, align = "left") {
+  const width = pen.measureText(text).width;
   pen.textAlign = align;
-  pen.strokeStyle = "rgba(255,255,255,0.92)";
-  pen.lineWidth = 3;
-  pen.lineJoin = "round";
-  pen.strokeText(text, x, y);
+  pen.fillStyle = "rgba(255,255,255,0.85)";
+  pen.fillRect(align === "right" ? x - width - 2 : x - 2, y - 7, width + 4, 14);
   pen.fillStyle = colour;
-  pen.fillText(text, x, y);
-  pen.lineWidth = 1;
+  pen.fillText(text, x, y + 4);
 }
+
+/** How many names of places fit below a box. */
+export const fitting = (box) => Math.max(2.5, box.width / 88);
 
 /** The least range about zero that holds a size, in round steps: it stays while one moves a little. */
 export function roundRange(size) {

@@ -1,6 +1,6 @@
 // The line as a bar: a lane per action, a mark per place, and the stretch that is looked at.
 
-import { FAINT, INK, axisBelow, boxOf, line, prepared, scale, ticks } from "./plot.js";
+import { FAINT, INK, axisBelow, boxOf, fitting, line, prepared, scale, ticks } from "./plot.js";
 import { mark } from "./strips.js";
 import { ACTIONS, km, kmDigits } from "./words.js";
 
@@ -8,11 +8,12 @@ const LANE = 15;
 export const HEIGHT = 4 * LANE + 24;
 
 /** Draws the whole of a line; `bins` are {start_m, end_m, calls_for, places, peak_m}. */
-export function drawSchematic(canvas, { whole, view, bins, known }) {
+export function drawSchematic(canvas, { whole, view, bins }) {
   const { pen, width, height } = prepared(canvas);
-  const narrow = width < 500, box = boxOf(width, height, { left: narrow ? 76 : 88, right: 12, top: 2, bottom: 22 });
+  const names = Math.max(...ACTIONS.map((one) => pen.measureText(one.short).width));
+  const box = boxOf(width, height, { left: names + 14, right: 12, top: 2, bottom: 22 });
   const x = scale(whole, box.left, box.right), lane = box.height / ACTIONS.length;
-  const { step, at } = ticks(whole, Math.max(2, box.width / 105));
+  const { step, at } = ticks(whole, fitting(box));
   axisBelow(pen, box, x, at, (place) => km(place, kmDigits(step)), { least: box.left - 20, most: width });
   ACTIONS.forEach((action, i) => {
     const middle = box.top + (i + 0.5) * lane;
@@ -25,8 +26,6 @@ export function drawSchematic(canvas, { whole, view, bins, known }) {
       if (one.calls_for === action.key) mark(pen, x(one.peak_m), middle, action.grade, action.colour, Math.min(4.5, lane / 2.6));
     }
   });
-  pen.fillStyle = "rgba(110,118,126,0.25)";
-  for (const [start, end] of known || []) pen.fillRect(x(start), box.bottom - 3, Math.max(1, x(end) - x(start)), 3);
   if (view && (view[1] - view[0]) < 0.999 * (whole[1] - whole[0])) {
     pen.strokeStyle = "#0072B2";
     pen.fillStyle = "rgba(0,114,178,0.10)";

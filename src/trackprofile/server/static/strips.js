@@ -1,8 +1,10 @@
 // One band of the track over distance: limits, places that call for something, 95 % band, level.
 
-import { BLUE, GREY, SKY, area, axisBelow, axisLeft, boxOf, label, line, pieces, prepared, roundRange, scale, ticks, within } from "./plot.js";
+import { BLUE, SKY, area, axisBelow, axisLeft, boxOf, fitting, label, line, pieces, prepared, roundRange, scale, ticks, within } from "./plot.js";
 import { FINEST } from "./tiles.js";
 import { WIDE, actionOf, km, kmDigits } from "./words.js";
+
+const BESIDE = "#F0B27A"; // behind the blue line, and wider: what differs is seen at both sides
 
 export const MARGINS = { left: 58, right: 12, top: 8, bottom: 20 };
 
@@ -14,7 +16,7 @@ export function along(width, height, view) {
 
 /** Kilometres below a strip. */
 export function kilometres(pen, box, x, view, options = {}) {
-  const { step, at } = ticks(view, Math.max(2, box.width / 105));
+  const { step, at } = ticks(view, fitting(box));
   axisBelow(pen, box, x, at, (place) => km(place, kmDigits(step)), { least: box.left - 20, most: box.right + MARGINS.right, ...options });
 }
 
@@ -67,12 +69,12 @@ export function trace(pen, strip, view, x, y, colours) {
     pen.strokeStyle = colours.line;
     pen.lineWidth = colours.width || 1;
     pen.beginPath();
+    let last = strip.low_mm[a];
     for (let i = a; i <= b; i++) {
-      if (strip.high_mm[i] === strip.low_mm[i]) pen.lineTo(at(i), y(strip.low_mm[i]));
-      else {
-        pen.moveTo(at(i), y(strip.high_mm[i]));
-        pen.lineTo(at(i), y(strip.low_mm[i]));
-      }
+      const low = strip.low_mm[i], high = strip.high_mm[i], up = Math.abs(low - last) <= Math.abs(high - last);
+      pen.lineTo(at(i), y(up ? low : high));
+      if (high !== low) pen.lineTo(at(i), y(up ? high : low));
+      last = up ? high : low;
     }
     if (a === b) pen.lineTo(at(a) + 1, y(strip.low_mm[a]));
     pen.stroke();
@@ -80,7 +82,19 @@ export function trace(pen, strip, view, x, y, colours) {
   pen.lineWidth = 1;
 }
 
-/** Where nothing is known, hatched: a flat line would be a lie. */
+/** Stretches that are not judged in the band, in a lighter grey. */
+function notJudged(pen, box, strip, x) {
+  pen.fillStyle = "rgba(110,118,126,0.11)";
+  for (const one of strip.not_judged) {
+    const start = Math.max(box.left, x(one.start_m)), end = Math.min(box.right, x(one.end_m));
+    if (end > start) pen.fillRect(start, box.top, end - start, box.height);
+  }
+}
+
+/** Why a place is not judged; empty where it is. */
+export const reasonsAt = (strip, place) => strip?.not_judged.find((one) => one.start_m <= place && place <= one.end_m)?.reasons || "";
+
+/** Where nothing is known, greyed: a flat line would be a lie. */
 export function unknown(pen, box, strip, view, x) {
   const [first, last] = shown(strip, view);
   pen.fillStyle = "rgba(110,118,126,0.20)";
@@ -101,14 +115,13 @@ export function limitLines(pen, box, y, range, limits) {
   }
 }
 
+/** The lowest is named below its line, the others above theirs. */
 function limitNames(pen, box, y, range, limits) {
-  let above = -Infinity;
-  for (const { action, height_mm: height } of [...limits].sort((a, b) => b.height_mm - a.height_mm)) {
-    if (height > range[1]) continue;
-    const place = Math.max(y(height) + 4, box.top + 10, above + 13);
-    label(pen, `${action} ${height} mm`, box.right - 4, place, actionOf(action).colour, "right");
-    above = place;
-  }
+  limits.forEach(({ action, height_mm: height }, i) => {
+    if (height > range[1]) return;
+    const place = i ? Math.max(y(height) - 8, box.top + 7) : y(height) + 8;
+    label(pen, `${action} ${height} mm`, box.right - 4, place, actionOf(action).ink, "right");
+  });
 }
 
 /** Places that call for something: a tinted stretch and a mark at the top whose shape tells the action. */
@@ -143,10 +156,13 @@ export function drawStrip(canvas, { strip, beside, view, limits = [], defects = 
   kilometres(pen, box, x, view, { unnamed: bare });
   axisLeft(pen, box, y, range);
   within(pen, box, () => {
-    if (strip) unknown(pen, box, strip, view, x);
+    if (strip) {
+      notJudged(pen, box, strip, x);
+      unknown(pen, box, strip, view, x);
+    }
     places(pen, box, x, defects);
     limitLines(pen, box, y, range, limits);
-    if (beside) trace(pen, beside, view, x, y, { line: GREY });
+    if (beside) trace(pen, beside, view, x, y, { line: BESIDE, width: 4 });
     if (strip) trace(pen, strip, view, x, y, { line: BLUE, band: SKY });
     pin(pen, box, x, pinned);
   });
@@ -177,9 +193,10 @@ export function drawSections(canvas, { sections, view }) {
       if (wide < 5) continue;
       pen.fillStyle = "#333";
       pen.fillRect(start + wide / 2 - 0.5, y(one.high_mm), 1, Math.max(1, y(one.low_mm) - y(one.high_mm)));
-      if (wide < 16 || !one.quality_class) continue;
+      const left = Math.max(start, box.left), right = Math.min(start + wide, box.right);
+      if (right - left < 16 || !one.quality_class) continue;
       pen.textAlign = "center";
-      pen.fillText(one.quality_class, start + wide / 2, y(0) - 4);
+      pen.fillText(one.quality_class, (left + right) / 2, y(0) - 4);
     }
   });
 }

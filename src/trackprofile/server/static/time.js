@@ -45,19 +45,26 @@ export function drawTime(canvas, found) {
   axisLeft(pen, box, y, levels);
   within(pen, box, () => {
     limitLines(pen, box, y, [levels[0], Math.max(-levels[0], levels[1])], found.limits);
-    if (found.forecast.length) trend(pen, found.forecast, x, y, last);
+    if (found.forecast.length) trend(pen, box, found.forecast, x, y, last);
     days.forEach((day, i) => point(pen, x(day), y, found.level_mm[i], found.deviation_mm[i]));
   });
-  for (const { action, height_mm: limit } of found.limits) {
-    for (const sign of [1, -1]) {
-      const place = y(sign * limit);
-      if (place > box.top + 4 && place < box.bottom - 2) label(pen, `${action} ${limit} mm`, box.left + 6, place - 4, actionOf(action).colour);
-    }
-  }
-  if (found.forecast.length && x(last) < box.right - 60) label(pen, "forecast →", x(last) + 6, box.top + 12, "#555");
+  limitNames(pen, box, y, found);
+  if (found.forecast.length && x(last) < box.right - 70) label(pen, "forecast →", x(last) + 6, levels[1] > -levels[0] ? box.bottom - 9 : box.top + 9, "#555");
 }
 
-function trend(pen, forecast, x, y, last) {
+/** Names of limits, at the end of the time where the level is farther from them. */
+function limitNames(pen, box, y, found) {
+  const ends = found.forecast.length ? [found.forecast[0], found.forecast[found.forecast.length - 1]].map((one) => one.level_mm) : [found.level_mm[0], 0];
+  for (const { action, height_mm: limit } of found.limits) {
+    for (const sign of [1, -1]) {
+      const place = y(sign * limit), atRight = Math.abs(ends[1] - sign * limit) > Math.abs(ends[0] - sign * limit);
+      if (place < box.top + 12 || place > box.bottom) continue;
+      label(pen, `${action} ${limit} mm`, atRight ? box.right - 4 : box.left + 6, place - 8, actionOf(action).ink, atRight ? "right" : "left");
+    }
+  }
+}
+
+function trend(pen, box, forecast, x, y, last) {
   const at = forecast.map((one) => x(dayNumber(one.day)));
   area(pen, 0, forecast.length - 1, (i) => at[i], (i) => y(forecast[i].level_mm - WIDE * forecast[i].deviation_mm), (i) => y(forecast[i].level_mm + WIDE * forecast[i].deviation_mm), "rgba(86,180,233,0.30)");
   const split = forecast.findIndex((one) => dayNumber(one.day) >= last);
@@ -72,7 +79,7 @@ function trend(pen, forecast, x, y, last) {
   pen.setLineDash([]);
   pen.lineWidth = 1;
   pen.strokeStyle = "#9aa4ad";
-  line(pen, x(last), y.top ?? 0, x(last), 10000);
+  line(pen, x(last), box.top, x(last), box.bottom);
 }
 
 function point(pen, place, y, level, deviation) {
@@ -109,7 +116,4 @@ export function drawAround(canvas, found) {
     });
     pin(pen, box, x, found.at_m);
   });
-  const first = found.passes[0].day, last = found.passes[found.passes.length - 1].day;
-  label(pen, first, box.left + 6, box.top + 12, shade(0.35));
-  if (last !== first) label(pen, `to ${last}`, box.left + 6, box.top + 27, shade(1));
 }

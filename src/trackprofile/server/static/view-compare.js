@@ -1,19 +1,19 @@
 // Two dates against each other: both levels, their difference with its 95 % band, and the places that changed.
 
 import { ask } from "./api.js";
-import { choice, el, fill, table } from "./dom.js";
+import { choice, el, fill, table, warnings } from "./dom.js";
 import { boxOf } from "./plot.js";
 import { MARGINS, drawStrip, valueAt } from "./strips.js";
 import { tileOf } from "./tiles.js";
 import { handle, held, moved } from "./window.js";
-import { half, km, number, signed, span } from "./words.js";
+import { between, half, km, number, signed, span } from "./words.js";
 
 const WAIT = 200;
 
 export function mount(root, app) {
   const canvas = (name) => el("canvas", { class: "strip", role: "img", "aria-label": name });
   const both = canvas("Level on both dates"), difference = canvas("Difference between the dates with its 95 % interval");
-  const tools = el("div", { class: "tools" }), said = el("div", { class: "first" }), rows = el("div", {}), range = el("output", { class: "range" }), reading = el("output", { class: "reading" });
+  const tools = el("div", { class: "tools" }), said = el("div", {}), rows = el("div", {}), range = el("output", { class: "range" }), reading = el("output", { class: "reading" });
   const ofBoth = el("h2", { class: "strip-name" }), ofDifference = el("h2", { class: "strip-name" });
   let view = null, found = null, timer = 0, stop = null;
 
@@ -37,7 +37,7 @@ export function mount(root, app) {
   const step = (name, sign, key) => el("button", { type: "button", "aria-label": name, title: name, onclick: () => port.show(moved(key, view, app.whole())) }, sign);
   fill(root, el("h1", {}, "Two dates"), tools,
     el("div", { class: "tools" }, step("to the left", "←", "ArrowLeft"), step("to the right", "→", "ArrowRight"), step("closer", "+", "+"), step("wider", "−", "-"), step("the whole line", "all", "Home"), range),
-    reading, charts, said, rows);
+    reading, charts, rows, said);
   for (const one of [both, difference]) handle(one, port);
 
   function controls(state) {
@@ -53,7 +53,7 @@ export function mount(root, app) {
     drawStrip(both, { strip: found.second, beside: found.first, view, limits, pinned: app.state.at, bare: true });
     drawStrip(difference, { strip: found.difference, view, pinned: app.state.at });
     range.textContent = `${km(view[0])} to ${km(view[1])} (${span(view[1] - view[0])})`;
-    fill(ofBoth, band, el("span", {}, "level in mm: "), el("i", { class: "key-line" }), el("span", {}, found.second_day), el("i", { class: "key-grey" }), el("span", {}, found.first_day));
+    fill(ofBoth, band, el("span", {}, "level in mm: "), el("span", { class: "whole" }, el("i", { class: "key-line" }), found.second_day), el("span", { class: "whole" }, el("i", { class: "key-beside" }), found.first_day));
     fill(ofDifference, found.by_section ? "Standard deviation" : "Difference",
       el("span", {}, found.by_section ? `per ${found.by_section} m, ${found.second_day} less ${found.first_day}, in mm; zoom to ${span(found.closest_m)} or less for the difference itself` : `${found.second_day} less ${found.first_day}, aligned, in mm with its 95 % interval; down is settlement`));
     read(null);
@@ -64,7 +64,7 @@ export function mount(root, app) {
     const at = place ?? app.state.at ?? (view[0] + view[1]) / 2;
     const words = (strip) => {
       const one = valueAt(strip, at);
-      return one ? (one.low === one.high ? number(one.low) + half(one.deviation) : `${number(one.low)} to ${number(one.high)}`) + " mm" : "not known";
+      return one ? between(one) : "not known";
     };
     fill(reading, el("strong", {}, km(at)), el("span", {}, `${found.second_day}: ${words(found.second)}`), el("span", {}, `${found.first_day}: ${words(found.first)}`),
       el("span", {}, `${found.by_section ? "change" : "difference"}: ${words(found.difference)}`));
@@ -72,7 +72,7 @@ export function mount(root, app) {
 
   function changes() {
     const heads = [{ name: "Place" }, { name: "Change, mm", number: true }, { name: "In 30 days, mm", number: true }, { name: "Level, mm", number: true, minor: true }, { name: "Next limit" }, { name: "Follow" }];
-    fill(said, found.notes.map((note) => el("p", {}, `${note}.`)));
+    fill(said, warnings(found.notes));
     if (found.by_section) return fill(rows);
     fill(rows, found.places.length ? table(heads, found.places.map((one) => {
       const next = one.reached.find((each) => each.median);
@@ -102,7 +102,7 @@ export function mount(root, app) {
       app.busy(true);
       stop?.abort();
       stop = new AbortController();
-      const width = Math.max(200, Math.round(port.box().width)), tile = tileOf(view, whole, width);
+      const width = 2 * Math.max(200, Math.round(port.box().width)), tile = tileOf(view, whole, width);
       found = await ask("compare", { ...app.where(), other: state.other, band: state.band, from: tile.from, to: tile.to, width: tile.width || width }, stop.signal);
       draw();
       changes();

@@ -1,7 +1,7 @@
 // Places that call for something: on the line's schematic, and as a table that leads to each of them.
 
 import { ask } from "./api.js";
-import { choice, el, fill, table } from "./dom.js";
+import { choice, el, fill, table, warnings } from "./dom.js";
 import { drawSchematic, pickOn } from "./schematic.js";
 import { ACTIONS, actionOf, callsFor, counted, half, km, number, percent } from "./words.js";
 
@@ -39,27 +39,27 @@ export function mount(root, app) {
   }
 
   function list(found) {
-    const heads = [{ name: "Place" }, { name: "Band" }, { name: "Height, mm", number: true }, { name: "Beyond, mm", number: true }, { name: "Probability", number: true },
-      { name: "Length, m", number: true, minor: true }, { name: "Calls for" }, { name: "Follow" }];
+    const heads = [{ name: "Place" }, { name: "Calls for" }, { name: "Band" }, { name: "Height, mm", number: true }, { name: "Limit, mm", number: true }, { name: "Probability", number: true },
+      { name: "Length, m", number: true, minor: true }, { name: "Follow" }];
     fill(rows, found.defects.length > 0 && table(heads, found.defects.map((one) => {
       const judged = one.calls_for || "alert", at = one.peak_m, [start, end] = app.whole();
       const near = { from: Math.max(start, at - AROUND), to: Math.min(end, at + AROUND), at, band: one.band, entry: app.state.entry };
       return {
         mark: `grade-${actionOf(one.calls_for).grade}`,
         cells: [
-          el("a", { href: app.href({ ...near, view: "line" }), "data-top": true }, km(at)), one.band,
+          el("a", { href: app.href({ ...near, view: "line" }), "data-top": true }, km(at)),
+          el("span", { class: "action" }, el("i", { class: `sign grade-${actionOf(one.calls_for).grade}`, "aria-hidden": "true" }), callsFor(one.calls_for)), one.band,
           { number: number(one.height_mm, 1) + half(one.standard_deviation_mm) }, { number: number(one.limits_mm[judged], 1) },
           { number: percent(one.probabilities[judged]) }, { number: number(one.end_m - one.start_m, 1) },
-          el("span", { class: "action", title: one.obliges_to }, el("i", { class: `sign grade-${actionOf(one.calls_for).grade}`, "aria-hidden": "true" }), callsFor(one.calls_for)),
           el("a", { href: app.href({ view: "place", at, band: one.band }), "data-top": true, "aria-label": `development at ${km(at)}` }, "development"),
         ],
       };
-    }), { label: "Isolated defects", id: "defects" }));
+    }), { label: "Isolated defects; the probability is that the true level exceeds the limit", id: "defects" }));
     const page = app.state.page || 1, last = Math.max(1, Math.ceil(found.total / PAGE));
     const turn = (to, words) => (to >= 1 && to <= last ? el("a", { href: app.href({ page: to > 1 ? to : undefined }), "data-top": true }, words) : el("span", { class: "off" }, words));
     fill(pages, found.total > 0 && [turn(page - 1, "‹ before"), ` ${(page - 1) * PAGE + 1} to ${Math.min(page * PAGE, found.total)} of ${found.total} `, turn(page + 1, "next ›")]);
     fill(notes, found.duties.length > 0 && el("dl", { class: "duties" }, found.duties.map((one) => [el("dt", {}, one.action), el("dd", {}, one.obliges_to)])),
-      found.notes.length > 0 && el("details", { class: "warning" }, el("summary", {}, "To be said with every number"), el("ul", {}, found.notes.map((note) => el("li", {}, `${note}.`)))));
+      warnings(found.notes));
   }
 
   return {

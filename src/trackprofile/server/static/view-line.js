@@ -4,10 +4,10 @@ import { ask } from "./api.js";
 import { el, fill } from "./dom.js";
 import { boxOf } from "./plot.js";
 import { drawSchematic, pickOn } from "./schematic.js";
-import { MARGINS, drawSections, drawStrip, valueAt } from "./strips.js";
+import { MARGINS, drawSections, drawStrip, reasonsAt, valueAt } from "./strips.js";
 import { tileOf, covers } from "./tiles.js";
 import { handle, held, moved } from "./window.js";
-import { half, km, number, span } from "./words.js";
+import { between, km, number, span } from "./words.js";
 
 const WAIT = 90; // ms after the last move before finer data are asked for
 
@@ -32,7 +32,7 @@ export function mount(root, app) {
   fill(root, schematic, tools, reading, charts,
     el("p", { class: "hint" }, "Wheel, + and − or two fingers zoom; dragging or the arrow keys move; a click marks a place. ",
       el("span", { class: "key-line" }), " level (where one pixel holds many metres, from its least to its greatest value) ", el("span", { class: "key-band" }), " 95 % band ",
-      el("span", { class: "key-unknown" }), " not known"));
+      el("span", { class: "key-unknown" }), " not known ", el("span", { class: "key-unjudged" }), " not judged"));
 
   const port = {
     view: () => view, whole: () => app.whole(), box: () => boxOf(strips[0].canvas.clientWidth, 1, MARGINS),
@@ -87,7 +87,7 @@ export function mount(root, app) {
   async function load() {
     stop?.abort();
     stop = new AbortController();
-    const { signal } = stop, where = app.where(), whole = app.whole(), width = Math.max(200, Math.round(port.box().width));
+    const { signal } = stop, where = app.where(), whole = app.whole(), width = 2 * Math.max(200, Math.round(port.box().width));
     const tile = tileOf(view, whole, width), [from, to] = [tile.from, tile.to];
     const wanted = strips.map(async (one) => {
       if (!one.whole) one.whole = await ask("strip", { ...where, band: one.band.name, from: whole[0], to: whole[1], width }, signal);
@@ -97,7 +97,7 @@ export function mount(root, app) {
     const others = [
       ask("schematic", { ...where, bins: 400 }, signal).then((found) => { marks.bins = found.bins; }),
       ask("defects", { ...where, from, to, count: 500 }, signal).then((found) => { marks.defects = found.defects; }),
-      ask("sections", { ...where, band: strips[0].band.name, from, to, count: Math.max(50, Math.round(width / 4)) }, signal).then((found) => { marks.sections = found.sections; ofSections.textContent = sectionsName(found); }),
+      ask("sections", { ...where, band: strips[0].band.name, from, to, count: Math.max(50, Math.round(width / 8)) }, signal).then((found) => { marks.sections = found.sections; ofSections.textContent = sectionsName(found); }),
     ];
     await Promise.all([...wanted, ...others]);
     draw();
@@ -134,8 +134,8 @@ export function mount(root, app) {
     const parts = strips.map((one) => {
       const found = valueAt(best(one), at);
       if (!found) return `${one.band.name} not known`;
-      const level = found.low === found.high ? number(found.low) + half(found.deviation) : `${number(found.low)} to ${number(found.high)}`;
-      return `${one.band.name} ${level} mm`;
+      const why = reasonsAt(best(one), at);
+      return `${one.band.name} ${between(found)}${why && ` (not judged: ${why})`}`;
     });
     fill(reading, el("strong", {}, km(at)), parts.map((text) => el("span", {}, text)));
   }

@@ -1,7 +1,7 @@
 // One place through time: its level on each day with a forecast, and the shape around it pass by pass.
 
 import { ask } from "./api.js";
-import { choice, el, fill, table } from "./dom.js";
+import { choice, el, fill, table, warnings } from "./dom.js";
 import { drawAround, drawTime } from "./time.js";
 import { dayNumber, half, km, number, signed } from "./words.js";
 
@@ -36,9 +36,9 @@ export function mount(root, app) {
     if (trend) {
       const month = 30 * trend.per_day_mm, wide = 1.96 * 30 * trend.per_day_deviation_mm, sure = Math.abs(month) > wide;
       const verb = found.level_mm[found.level_mm.length - 1] * month > 0 ? "grows" : "shrinks";
-      list.push(sure ? `The level ${verb}: ${signed(month)} ± ${number(wide)} mm in 30 days.` : `No change that the passes' uncertainty does not explain: ${signed(month)} ± ${number(wide)} mm in 30 days.`);
+      list.push(sure ? `The height ${verb} by ${number(Math.abs(month))} ± ${number(wide)} mm in 30 days.` : `No change that the passes' uncertainty does not explain: ${signed(month)} ± ${number(wide)} mm in 30 days.`);
       if (!trend.straight) list.push("The passes do not lie on a line: if the track was worked on, choose the passes since then.");
-      for (const one of found.beyond) list.push(`It is beyond the limit of ${one.action} (${one.height_mm} mm).`);
+      for (const one of found.beyond.slice(-1)) list.push(`It is beyond the limit of ${one.action} (${one.height_mm} mm).`);
       for (const one of found.reached) if (one.median) list.push(`If this goes on, ${one.action} (${one.height_mm} mm) on ${one.median}; with 95 % ${one.earliest} to ${one.latest || "later than in ten years"}.`);
     } else list.push("All passes are of one day, or there is one only: no rate can be told.");
     if (found.omitted) list.push(`${found.passes.length + found.left_out.length} of ${found.passes.length + found.left_out.length + found.omitted} passes are looked at, spread evenly over the time.`);
@@ -49,7 +49,7 @@ export function mount(root, app) {
     const heads = [{ name: "Date" }, { name: "Pass", minor: true }, { name: "Level, mm", number: true }, { name: "See" }];
     const told = found.passes.map((one, i) => ({ cells: [one.day, one.run || one.vehicle, { number: number(found.level_mm[i]) + half(found.deviation_mm[i]) }, see(one)] }));
     fill(rows, table(heads, told.reverse(), { label: "Passes that tell this place", id: "passes" }),
-      found.left_out.length > 0 && [el("h2", {}, "Passes that do not"), el("ul", {}, found.left_out.map((one) => el("li", {}, `${one.day}${one.run ? ` ${one.run}` : ""}: ${one.reason}`)))]);
+      found.left_out.length > 0 && [el("h2", {}, "Passes that do not"), el("ul", {}, found.left_out.map((one) => el("li", {}, `${one.day}${one.run ? ` ${one.run}` : ""}: ${one.reason}`)))], warnings(found.notes));
   }
 
   const see = (one) => el("a", { href: app.href({ view: "line", day: one.day, entry: one.entry, at: found.at_m, from: found.at_m - 100, to: found.at_m + 100 }) }, "on the line");
@@ -60,9 +60,15 @@ export function mount(root, app) {
     drawAround(around, found);
   }
 
+  /** Where to look if nobody said where: the gravest place of what was looked at last. */
+  async function gravest({ from, to }) {
+    const found = await ask("defects", { ...app.where(), from, to, count: 1 });
+    return found.defects[0]?.peak_m;
+  }
+
   return {
     async update(state) {
-      const [start, end] = app.whole(), at = Math.max(start, Math.min(end, state.at ?? ((state.from ?? start) + (state.to ?? end)) / 2));
+      const [start, end] = app.whole(), at = Math.max(start, Math.min(end, state.at ?? (await gravest(state)) ?? (start + end) / 2));
       app.busy(true);
       fill(name, `Development at ${km(at)}`);
       controls(state, at);
@@ -70,7 +76,8 @@ export function mount(root, app) {
       fill(said); fill(rows); fill(ofTime); fill(ofAround);
       found = await ask("place", { line: state.line, direction: state.direction, band: state.band, at, since: state.since });
       fill(ofTime, `${found.band}`, el("span", {}, "level over time in mm, each pass with its 95 % interval; trend and forecast with theirs"));
-      fill(ofAround, "Around the place", el("span", {}, "level in mm; the later the darker"));
+      const told = found.passes, last = told[told.length - 1].day;
+      fill(ofAround, "Around the place", el("span", {}, `level in mm, ${told[0].day === last ? last : `${told[0].day} to ${last}, the later the darker`}`));
       const days = found.passes.map((one) => dayNumber(one.day));
       time.dataset.days = String(days[days.length - 1] - days[0]);
       sentences();

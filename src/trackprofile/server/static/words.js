@@ -3,12 +3,12 @@
 export const MINUS = "−";
 export const WIDE = 1.96; // standard deviations of a 95 % interval
 
-/** Actions from the gravest: what they are called, their colour, and how their mark is drawn. */
+/** Actions from the gravest: what they are called, the colours of their marks and words. */
 export const ACTIONS = [
-  { key: "immediate action", short: "immediate", colour: "#A3001B", grade: 3 },
-  { key: "intervention", short: "intervention", colour: "#D55E00", grade: 2 },
-  { key: "alert", short: "alert", colour: "#E69F00", grade: 1 },
-  { key: "", short: "possible", colour: "#7A8794", grade: 0 },
+  { key: "immediate action", short: "immediate", colour: "#A3001B", ink: "#A3001B", grade: 3 },
+  { key: "intervention", short: "intervention", colour: "#D55E00", ink: "#B34E00", grade: 2 },
+  { key: "alert", short: "alert", colour: "#E69F00", ink: "#855C00", grade: 1 },
+  { key: "", short: "possible", colour: "#7A8794", ink: "#55606a", grade: 0 },
 ];
 
 export const actionOf = (key) => ACTIONS.find((one) => one.key === key) || ACTIONS[3];
@@ -19,6 +19,12 @@ export function number(value, digits = 2) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   const text = Math.abs(value).toFixed(digits);
   return value < 0 && Number(text) !== 0 ? MINUS + text : text;
+}
+
+/** From the least to the greatest of a bin, where they differ in what is shown. */
+export function between({ low, high, deviation }) {
+  const [from, to] = [number(low), number(high)];
+  return `${from === to ? from : `${from} to ${to}`}${half(deviation)} mm`;
 }
 
 export const signed = (value, digits = 2) => (value > 0 ? "+" : "") + number(value, digits);
