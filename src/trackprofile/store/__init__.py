@@ -17,6 +17,8 @@ from trackprofile.store.catalogue import find as find
 from trackprofile.store.catalogue import lines as lines
 from trackprofile.store.entry import Entry as Entry
 from trackprofile.store.entry import Origin as Origin
+from trackprofile.store.entry import digest as digest
+from trackprofile.store.entry import entry_id as entry_id
 from trackprofile.store.layout import Place as Place
 from trackprofile.store.reading import defects as defects
 from trackprofile.store.reading import read_columns as read_columns
@@ -31,6 +33,8 @@ from trackprofile.store.strips import Strip as Strip
 from trackprofile.store.strips import strip as strip
 from trackprofile.store.verifying import Problem as Problem
 from trackprofile.store.verifying import verify as verify
+from trackprofile.store.writing import LIVING as LIVING
 from trackprofile.store.writing import Added as Added
 from trackprofile.store.writing import add as add
+from trackprofile.store.writing import check_claim as check_claim
 from trackprofile.store.writing import tidy as tidy

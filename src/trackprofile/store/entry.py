@@ -9,12 +9,15 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from datetime import date
 from typing import Any
 
+import numpy as np
+
 from trackprofile import __version__
 from trackprofile.errors import DataError, FileError
+from trackprofile.limits import Action
 from trackprofile.store.layout import SCHEMA, Place
 
 _CHECKSUM = "checksum"
@@ -149,6 +152,18 @@ def entry_id(place: Place, origin: Origin) -> str:
     return f"{origin.recording[:16]}-{_digest([origin.version, place.run])[:16]}"
 
 
+def digest(**given: object) -> str:
+    """16 hexadecimal digits of everything that a result was made with: parameters, settings, arrays.
+
+    Examples
+    --------
+    >>> one, same, other = (digest(speed=v, at=np.arange(n)) for v, n in ((1.0, 3), (1.0, 3), (1.0, 4)))
+    >>> len(one), one == same, one == other
+    (16, True, False)
+    """
+    return _digest(_plain(given))[:16]
+
+
 def document(entry: Entry) -> bytes:
     """An entry as JSON, the same bytes for the same entry."""
     body = {"schema": SCHEMA, **asdict(entry)}
@@ -200,7 +215,7 @@ def _entry(body: Mapping[str, Any]) -> Entry:
         points=int(body["points"]),
         known=float(body["known"]),
         deviations=dict(body["deviations"]),
-        defects=dict(body["defects"]),
+        defects={one.words: int(body["defects"][one.words]) for one in Action},
         notes=tuple(body["notes"]),
         files={name: StoredFile(**one) for name, one in body["files"].items()},
     )
@@ -209,6 +224,22 @@ def _entry(body: Mapping[str, Any]) -> Entry:
 def sealed(content: bytes) -> StoredFile:
     """How to know a file's content again."""
     return StoredFile(len(content), hashlib.sha256(content).hexdigest())
+
+
+def _plain(value: Any) -> Any:
+    """As JSON can hold it."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return [
+            type(value).__name__,
+            {one.name: _plain(getattr(value, one.name)) for one in fields(value)},
+        ]
+    if isinstance(value, np.ndarray | np.generic):
+        return [value.dtype.str, _plain(value.tolist())]
+    if isinstance(value, Mapping):
+        return [[_plain(key), _plain(one)] for key, one in value.items()]
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return repr(value)
 
 
 def _canonical(value: Any) -> bytes:
