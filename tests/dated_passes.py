@@ -23,7 +23,7 @@ MAIN, UP = "Main <b>line</b> & <img src=x onerror=document.title='taken'>", "up"
 BRANCH, DOWN = "Branch", "down"
 LENGTH, START = 6000.0, 12_000.0
 FIRST = date(2026, 1, 5)
-SETTLES = 3200.0
+SETTLES = 3260.0
 """m after the start, where the track settles by 2.5 mm a month in truth."""
 
 DEEP, SHALLOW, CREST = 1500.0, 4400.0, 5100.0
@@ -34,19 +34,23 @@ def dip(at: np.ndarray, place: float, depth: float, half: float = 2.5) -> np.nda
     return -depth * np.exp(-0.5 * ((at - place) / half) ** 2)
 
 
-def level(at: np.ndarray, months: float, length: float = LENGTH, seed: int = 3) -> np.ndarray:
-    """The true track some months after the first pass [m]; distances from the start."""
-    rough = random(read_spectrum("fra-6"), seed, 2.0, 150.0, length=length).at(at)[0]
+def level(at: np.ndarray, months: float, seed: int = 3) -> np.ndarray:
+    """The true track some months after the first pass [m]; distances from the line's start."""
+    rough = random(read_spectrum("fra-6"), seed, 2.0, 150.0, length=LENGTH).at(at)[0]
     hollows = dip(at, DEEP, 0.045) + dip(at, SHALLOW, 0.018) - dip(at, CREST, 0.022)
     return 0.7 * rough + hollows + dip(at, SETTLES, 0.008 + 0.0025 * months, 3.0)
 
 
 def seen(
-    months: float, length: float = LENGTH, start: float = START, seed: int = 3, gap: bool = False
-) -> xr.Dataset:
-    """A pass's profile: the truth, with an error that it states."""
-    at = np.arange(0.0, length, 0.25)
-    noise = np.random.default_rng(int(100 * months) + 1)
+    months: float, length: float = LENGTH, *, first: float = 0.0, zero: float = 0.0, seed: int = 3,
+    gap: bool = False,
+) -> xr.Dataset:  # fmt: skip
+    """A pass's profile from some metres after the line's start: the truth, with an error that it states.
+
+    The line starts at the distance `zero`.
+    """
+    at = first + np.arange(0.0, length, 0.25)
+    noise = np.random.default_rng(int(100 * months + first) + 1)
     error = sum(
         1e-4 * noise.standard_normal() * np.sin(2 * np.pi * at / wave + 7 * noise.random())
         for wave in (5.0, 8.0, 13.0, 21.0)
@@ -56,13 +60,10 @@ def seen(
     if gap:
         flags[(at > 2400) & (at < 2480)] |= Quality.GAP
         flags[(at > 2480) & (at < 2600)] |= Quality.SLOW
-    elevation = np.where(
-        flags & Quality.GAP, np.nan, level(at, months, max(length, LENGTH), seed) + error
-    )
     grown = 1 + 0.5 * np.sin(at / 700) ** 2
     return build_profile(
-        start + at,
-        elevation,
+        zero + at,
+        np.where(flags & Quality.GAP, np.nan, level(at, months, seed) + error),
         kind="posterior",
         method="smoother",
         standard_deviation=4e-3 * grown,
@@ -86,11 +87,11 @@ def put(store: Store, place: Place, profile: xr.Dataset, vehicle: str = "velaro"
     return add(store, place, profile, assess(profile, EN, SPEED), origin).entry
 
 
-def fill(store: Store, passes: int = 6) -> None:
-    """Monthly passes over one line, the fourth with a gap; two trains on one day over another."""
+def fill(store: Store, passes: int = 4) -> None:
+    """Monthly passes over one line, the third with a gap; two trains on one day over another."""
     for month in range(passes):
         day = FIRST + timedelta(days=30 * month)
-        put(store, Place(MAIN, UP, day, "<i>06:12</i>"), seen(month, gap=month == 3))
-    for run, start in (("early", 0.0), ("late", 2000.0)):
-        piece = seen(0, 2500.0, start, seed=5)
+        put(store, Place(MAIN, UP, day, "<i>06:12</i>"), seen(month, zero=START, gap=month == 2))
+    for run, first in (("early", 0.0), ("late", 2000.0)):
+        piece = seen(0, 2500.0, first=first, seed=5)
         put(store, Place(BRANCH, DOWN, FIRST, run), piece, vehicle="coach <script>1</script>")

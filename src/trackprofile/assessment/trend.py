@@ -105,7 +105,7 @@ def stack(band: Band, levels: Sequence[BandLevel], alignments: Sequence[Alignmen
 
 def _scatter(level: Array, spread: Array) -> float:
     """Robust standard deviation of (l_k - l_1)/√(s_k² + s_1²) over all later passes k."""
-    if not level.size:
+    if not level[1:].size:
         return 1.0
     units = (level[1:] - level[0]) / np.hypot(spread[1:], spread[0])
     return max(float(_MAD * np.median(np.abs(units))), _EXACT)

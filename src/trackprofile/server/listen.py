@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import ipaddress
 import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+import uvicorn
 
 from trackprofile.errors import FileError
 from trackprofile.server.app import page_app
@@ -14,6 +17,7 @@ from trackprofile.server.session import new_token
 from trackprofile.store import Store
 
 _LONGEST_HEADERS = 16_384  # B
+_WAITING = 128
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,7 @@ class Listener:
 
     Parameters
     ----------
-    socket : bound, not yet listening
+    socket : that listens
     rules : of the gate
     made : whether the token was made here, for this time only
     """
@@ -62,6 +66,7 @@ def listener(host: str, port: int, token: str | None = None, names: Sequence[str
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.bind(address)
+        bound.listen(_WAITING)  # who comes before the server runs is not turned away
     except OSError as error:
         bound.close()
         raise FileError(
@@ -75,14 +80,13 @@ def listener(host: str, port: int, token: str | None = None, names: Sequence[str
 
 
 def serve(store: Store, on: Listener) -> None:
-    """Answer until interrupted."""
-    server(store, on).run(sockets=[on.socket])
+    """Answer until interrupted, which is how it ends."""
+    with contextlib.suppress(KeyboardInterrupt):
+        server(store, on).run(sockets=[on.socket])
 
 
-def server(store: Store, on: Listener):
-    """The server that `serve` runs, to be run by others."""
-    import uvicorn
-
+def server(store: Store, on: Listener) -> uvicorn.Server:
+    """The server that `serve` runs."""
     return uvicorn.Server(
         uvicorn.Config(
             page_app(store, on.rules),
