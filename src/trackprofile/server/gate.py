@@ -20,6 +20,7 @@ from trackprofile.server.session import cookie_of, holds, knows
 
 LONGEST_QUERY = 2000
 LONGEST_PATH = 200
+LARGEST_HEADERS = 16_384
 LARGEST_BODY = 2000
 """Bytes: of the only thing that is ever sent here, a token."""
 
@@ -104,6 +105,8 @@ def refusal(scope: Scope, rules: Rules) -> Refusal | None:
 def _of_size(scope: Scope, headers: Headers) -> Refusal | None:
     if len(scope["query_string"]) > LONGEST_QUERY or len(scope["path"]) > LONGEST_PATH:
         return Refusal(414, f"The address is longer than {LONGEST_QUERY} characters.")
+    if sum(len(name) + len(value) for name, value in headers.raw) > LARGEST_HEADERS:
+        return Refusal(431, f"The headers are larger than {LARGEST_HEADERS} bytes.")
     length = headers.get("content-length", "0" if scope["method"] not in _SENDS else "")
     chunked = "transfer-encoding" in headers
     if chunked or not (length.isascii() and length.isdigit() and len(length) < 10):

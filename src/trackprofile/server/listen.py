@@ -12,11 +12,10 @@ import uvicorn
 
 from trackprofile.errors import FileError
 from trackprofile.server.app import page_app
-from trackprofile.server.gate import Rules
+from trackprofile.server.gate import LARGEST_HEADERS, Rules
 from trackprofile.server.session import new_token
 from trackprofile.store import Store
 
-_LONGEST_HEADERS = 16_384  # B
 _WAITING = 128
 
 
@@ -97,7 +96,7 @@ def server(store: Store, on: Listener) -> uvicorn.Server:
             ws="none",
             limit_concurrency=200,
             timeout_keep_alive=15,
-            h11_max_incomplete_event_size=_LONGEST_HEADERS,
+            h11_max_incomplete_event_size=2 * LARGEST_HEADERS,
             http="h11",
             lifespan="on",
         )
