@@ -247,6 +247,7 @@ def test_sessions_end_and_cannot_be_lengthened() -> None:
 
 def test_the_page_itself_is_empty_and_needs_no_token(locked: httpx.Client) -> None:
     locked.cookies.clear()
+    assert locked.get("/session").json() == {"open": False}
     for path in ("/", "/static/main.js", "/static/page.css"):
         answer = locked.get(path)
         assert answer.status_code == 200

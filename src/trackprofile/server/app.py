@@ -20,7 +20,7 @@ from trackprofile.errors import DataError, FileError
 from trackprofile.server.catalogue import Catalogue, UnknownError
 from trackprofile.server.endpoints import UnchangedError, endpoints
 from trackprofile.server.files import page_files
-from trackprofile.server.gate import LARGEST_BODY, Gate, Rules
+from trackprofile.server.gate import LARGEST_BODY, Gate, Rules, may_read
 from trackprofile.server.session import COOKIE, LASTS, knows, new_session
 from trackprofile.store import Store
 
@@ -96,6 +96,10 @@ def _add_files(app: FastAPI) -> None:
 
 
 def _add_login(app: FastAPI, token: str | None) -> None:
+    @app.get("/session", include_in_schema=False)
+    async def session(request: Request) -> Response:
+        return JSONResponse({"open": may_read(request.headers, token)})
+
     @app.post("/login", include_in_schema=False)
     async def login(said: Login, request: Request) -> Response:
         if token is None or not knows(token, said.token):

@@ -24,7 +24,7 @@ LARGEST_HEADERS = 16_384
 LARGEST_BODY = 2000
 """Bytes: of the only thing that is ever sent here, a token."""
 
-OPEN = ("/", "/login", "/logout")
+OPEN = ("/", "/login", "/logout", "/session")
 """Paths that need no token: the page is empty until it may read the store."""
 
 STATIC = "/static/"
@@ -167,14 +167,19 @@ def _of_origin(scope: Scope, headers: Headers) -> Refusal | None:
 
 def _of_token(scope: Scope, headers: Headers, token: str | None) -> Refusal | None:
     path = scope["path"]
-    if token is None or path in OPEN or path.startswith(STATIC):
-        return None
-    kind, _, said = headers.get("authorization", "").partition(" ")
-    if kind.lower() == "bearer" and knows(token, said.strip()):
-        return None
-    if holds(token, cookie_of(headers.get("cookie", ""))):
+    if path in OPEN or path.startswith(STATIC) or may_read(headers, token):
         return None
     return Refusal(401, "Say the token: header Authorization: Bearer TOKEN, or log in on the page.")
+
+
+def may_read(headers: Headers, token: str | None) -> bool:
+    """Whether a request says the token, or has a session that was begun with it; any does where there is none."""
+    if token is None:
+        return True
+    kind, _, said = headers.get("authorization", "").partition(" ")
+    if kind.lower() == "bearer" and knows(token, said.strip()):
+        return True
+    return holds(token, cookie_of(headers.get("cookie", "")))
 
 
 def _guarded(send: Send, *, without_body: bool) -> Send:

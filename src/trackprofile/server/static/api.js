@@ -47,6 +47,9 @@ async function fetched(address, options) {
   return body;
 }
 
+/** Whether this reader may ask. */
+export const isOpen = () => fetched("/session", {}).then((found) => found.open);
+
 /** Exchanges the token for a cookie that scripts cannot read. */
 export async function logIn(token) {
   answers.clear();

@@ -30,7 +30,7 @@ function add(node, children) {
 
 /** A choice of [value, words] pairs, with its name beside it. */
 export function choice(name, options, chosen, onchange, attributes = {}) {
-  const select = el("select", { onchange: () => onchange(select.value), ...attributes },
+  const select = el("select", { "aria-label": name, onchange: () => onchange(select.value), ...attributes },
     options.map(([value, words]) => el("option", { value, selected: String(value) === String(chosen) }, words)));
   return el("label", { class: "choice" }, el("span", {}, name), select);
 }

@@ -22,6 +22,7 @@ export function askForToken(root, done) {
   },
   el("h1", {}, "This store asks for a token"),
   el("p", {}, "It was printed where the server was started, or stands in its token file."),
+  el("input", { type: "text", autocomplete: "username", value: "reader", hidden: true }),
   el("label", { for: "token" }, "Token"), field,
   el("button", { type: "submit" }, "Open"), said);
   fill(root, form);

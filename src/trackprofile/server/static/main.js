@@ -1,6 +1,6 @@
 // The page: what can be chosen, which view is shown, and the address that says both.
 
-import { Refused, ask, forget, logOut } from "./api.js";
+import { Refused, ask, forget, isOpen, logOut } from "./api.js";
 import { choice, el, fill } from "./dom.js";
 import { askForToken } from "./login.js";
 import { address, changed, parsed } from "./state.js";
@@ -24,7 +24,7 @@ const app = {
   /** What every question names. */
   where: () => ({ line: app.state.line, direction: app.state.direction, day: app.state.day, entry: app.state.entry }),
   href: (patch) => address(changed(app.state, patch)),
-  go, say, busy,
+  go, note, say, busy,
 };
 let shown = null, turn = 0;
 
@@ -44,6 +44,13 @@ function go(patch, { replace = false } = {}) {
   return render();
 }
 
+/** Writes into the address what a view has changed by itself. */
+function note(patch) {
+  app.state = changed(app.state, patch);
+  history.replaceState(null, "", address(app.state));
+  views();
+}
+
 function failed(error) {
   if (error.name === "AbortError") return;
   busy(false);
@@ -61,6 +68,7 @@ function failed(error) {
 
 async function render() {
   const mine = ++turn;
+  busy(true);
   try {
     app.state = parsed(location.search);
     await choose();
@@ -77,6 +85,7 @@ async function render() {
 /** Fills what the address leaves open: the first line, its latest day. */
 async function choose() {
   if (!app.lines.length) {
+    if (!(await isOpen())) throw new Refused(401, "");
     const found = await ask("lines");
     app.lines = found.lines;
     app.bands = found.bands;
@@ -131,10 +140,14 @@ function header() {
     pick("Direction", directions.map((one) => [one, one]), state.direction, (direction) => go({ ...fresh, direction })),
     dayChoice(pick), passChoice(pick),
     app.locked && el("button", { type: "button", class: "quiet", onclick: () => logOut().then(() => { app.lines = []; render(); }, failed) }, "Log out"));
-  fill(document.getElementById("views"), Object.entries(VIEWS).map(([key, [name]]) =>
-    el("a", { href: app.href({ view: key, page: undefined }), "aria-current": key === state.view ? "page" : undefined }, name)));
+  views();
   document.querySelector("#views [aria-current]")?.scrollIntoView({ block: "nearest", inline: "nearest" });
   if (focused) box.querySelector(`[data-choice="${focused}"]`)?.focus();
+}
+
+function views() {
+  fill(document.getElementById("views"), Object.entries(VIEWS).map(([key, [name]]) =>
+    el("a", { href: app.href({ view: key, page: undefined }), "aria-current": key === app.state.view ? "page" : undefined }, name)));
 }
 
 function dayChoice(pick) {

@@ -24,9 +24,12 @@ export function mount(root, app) {
       requestAnimationFrame(draw);
       app.busy(true);
       clearTimeout(timer);
-      timer = setTimeout(() => app.go({ from: view[0], to: view[1] }, { replace: true }), WAIT);
+      timer = setTimeout(() => {
+        app.note({ from: view[0], to: view[1] });
+        load().catch((error) => error.name !== "AbortError" && (app.say(error.message), app.busy(false)));
+      }, WAIT);
     },
-    point: read, pick: (place) => app.go({ at: place }, { replace: true }),
+    point: read, pick: (place) => { app.note({ at: place }); draw(); },
   };
   const charts = el("section", { id: "charts", tabindex: 0, "aria-label": "Two dates: + and − zoom, arrows move", onkeydown: (event) => {
     const next = event.ctrlKey || event.metaKey || event.altKey ? null : moved(event.key, view, app.whole());
@@ -35,9 +38,11 @@ export function mount(root, app) {
     port.show(next);
   } }, ofBoth, both, ofDifference, difference);
   const step = (name, sign, key) => el("button", { type: "button", "aria-label": name, title: name, onclick: () => port.show(moved(key, view, app.whole())) }, sign);
-  fill(root, el("h1", {}, "Two dates"), tools,
+  const alone = el("p", { hidden: true }, "There are passes of one date only: nothing to compare with.");
+  const content = el("div", {}, tools,
     el("div", { class: "tools" }, step("to the left", "←", "ArrowLeft"), step("to the right", "→", "ArrowRight"), step("closer", "+", "+"), step("wider", "−", "-"), step("the whole line", "all", "Home"), range),
     reading, charts, rows, said);
+  fill(root, el("h1", {}, "Two dates"), alone, content);
   for (const one of [both, difference]) handle(one, port);
 
   function controls(state) {
@@ -86,27 +91,31 @@ export function mount(root, app) {
     }), { label: "Places that changed", id: "changes" }) : el("p", {}, "Nothing changed here beyond what the passes' uncertainty explains."));
   }
 
+  async function load() {
+    app.busy(true);
+    stop?.abort();
+    stop = new AbortController();
+    const { other, band } = app.state, width = 2 * Math.max(200, Math.round(port.box().width)), tile = tileOf(view, app.whole(), width);
+    found = await ask("compare", { ...app.where(), other, band, from: tile.from, to: tile.to, width: tile.width || width }, stop.signal);
+    draw();
+    changes();
+    app.busy(false);
+  }
+
   return {
     async update(state) {
       const whole = app.whole(), days = app.days();
-      if (days.length < 2) {
-        app.busy(false);
-        return fill(root, el("p", {}, "There are passes of one date only: nothing to compare with."));
-      }
+      alone.hidden = days.length > 1;
+      content.hidden = !alone.hidden;
+      if (content.hidden) return app.busy(false);
       if (!days.includes(state.other) || state.other === state.day) {
         const before = days.filter((one) => one < state.day);
         return app.go({ other: before.length ? before[before.length - 1] : days.find((one) => one !== state.day) }, { replace: true });
       }
       controls(state);
       view = held([state.from ?? whole[0], state.to ?? whole[1]], whole);
-      app.busy(true);
-      stop?.abort();
-      stop = new AbortController();
-      const width = 2 * Math.max(200, Math.round(port.box().width)), tile = tileOf(view, whole, width);
-      found = await ask("compare", { ...app.where(), other: state.other, band: state.band, from: tile.from, to: tile.to, width: tile.width || width }, stop.signal);
-      draw();
-      changes();
-      app.busy(false);
+      clearTimeout(timer);
+      await load();
     },
     draw,
     leave() { stop?.abort(); clearTimeout(timer); },

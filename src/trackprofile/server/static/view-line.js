@@ -38,7 +38,7 @@ export function mount(root, app) {
     view: () => view, whole: () => app.whole(), box: () => boxOf(strips[0].canvas.clientWidth, 1, MARGINS),
     show: (next) => { show(next); save(); },
     point: (place) => read(place),
-    pick: (place) => app.go({ at: place }, { replace: true }),
+    pick: (place) => { app.note({ at: place }); draw(); },
   };
   for (const one of [...strips.map((each) => each.canvas), sections]) handle(one, port);
   pickOn(schematic, () => bar, () => app.whole(), (place, done) => {
@@ -78,7 +78,7 @@ export function mount(root, app) {
   function save() {
     clearTimeout(saving);
     const isWhole = view[1] - view[0] > 0.9999 * (app.whole()[1] - app.whole()[0]);
-    saving = setTimeout(() => app.go({ from: isWhole ? undefined : view[0], to: isWhole ? undefined : view[1] }, { replace: true }), 250);
+    saving = setTimeout(() => { app.note({ from: isWhole ? undefined : view[0], to: isWhole ? undefined : view[1] }); draw(); }, 250);
   }
 
   const failed = (error) => { if (error.name !== "AbortError") { app.say(error.message); app.busy(false); } };
@@ -148,9 +148,9 @@ export function mount(root, app) {
         for (const one of strips) one.whole = one.tile = null;
       }
       const next = held([state.from ?? whole[0], state.to ?? whole[1]], whole);
-      const same = view && now === asked && Math.abs(next[0] - view[0]) + Math.abs(next[1] - view[1]) < 0.05;
-      draw(same ? view : next);
-      if (same) return; // what is needed is here, or on its way
+      clearTimeout(timer);
+      clearTimeout(saving);
+      draw(next);
       asked = now;
       app.busy(true);
       await load();

@@ -70,6 +70,7 @@ export function mount(root, app) {
     async update(state) {
       const [start, end] = app.whole(), at = Math.max(start, Math.min(end, state.at ?? (await gravest(state)) ?? (start + end) / 2));
       app.busy(true);
+      if (state.at !== at) app.note({ at });
       fill(name, `Development at ${km(at)}`);
       controls(state, at);
       found = null;
