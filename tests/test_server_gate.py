@@ -447,6 +447,17 @@ def test_a_store_that_is_not_there_or_newer_is_one_sentence(tmp_path: Path, caps
     assert "schema 99" in err
 
 
+def test_without_the_libraries_one_sentence_says_how_to_get_them(
+    dated_store: Store, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("trackprofile.server")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    code, _, err = exits(capsys, "--store", dated_store.url)
+    assert code == 1
+    assert "pip install 'trackprofile[network]'" in err
+
+
 @pytest.mark.parametrize(
     "host", ["0.0.0.0", pytest.param("127.0.0.1", marks=pytest.mark.acceptance)]
 )

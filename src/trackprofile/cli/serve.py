@@ -44,6 +44,8 @@ def serve(
         from trackprofile.server.listen import listener
         from trackprofile.server.listen import serve as answer
     except ModuleNotFoundError as error:
+        if str(error.name).startswith("trackprofile"):
+            raise
         raise FileError(
             f"The page needs {error.name}, which is not installed: pip install 'trackprofile[network]'."
         ) from error

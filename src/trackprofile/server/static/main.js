@@ -35,6 +35,7 @@ function say(sentence) {
 
 function busy(is) {
   main.setAttribute("aria-busy", String(is));
+  if (!is) performance.mark("drawn");
 }
 
 /** Goes to a changed state; `replace` where it is no step that one goes back from. */

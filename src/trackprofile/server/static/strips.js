@@ -124,16 +124,18 @@ function limitNames(pen, box, y, range, limits) {
   });
 }
 
-/** Places that call for something: a tinted stretch and a mark at the top whose shape tells the action. */
+/** Places that call for something, the gravest first: a tinted stretch, and a mark whose shape tells the action. */
 function places(pen, box, x, defects) {
-  for (const one of defects) {
+  for (const one of [...defects].reverse()) {
     const { colour, grade } = actionOf(one.calls_for);
     const start = x(one.start_m), end = x(one.end_m);
     if (end < box.left || start > box.right) continue;
-    pen.globalAlpha = grade ? 0.22 : 0.14;
-    pen.fillStyle = colour;
-    pen.fillRect(start, box.top, Math.max(1.5, end - start), box.height);
-    pen.globalAlpha = 1;
+    if (end - start > 1.5) {
+      pen.globalAlpha = grade ? 0.22 : 0.14;
+      pen.fillStyle = colour;
+      pen.fillRect(start, box.top, end - start, box.height);
+      pen.globalAlpha = 1;
+    }
     mark(pen, Math.max(box.left + 4, Math.min(box.right - 4, x(one.peak_m))), box.top + 6, grade, colour);
   }
 }
@@ -161,9 +163,10 @@ export function drawStrip(canvas, { strip, beside, view, limits = [], defects = 
       unknown(pen, box, strip, view, x);
     }
     places(pen, box, x, defects);
-    limitLines(pen, box, y, range, limits);
-    if (beside) trace(pen, beside, view, x, y, { line: BESIDE, width: 4 });
+    // Behind single lines the other is wider; behind what lies between least and greatest it would seem greater.
+    if (beside) trace(pen, beside, view, x, y, { line: BESIDE, width: beside.bin_m > 2 ? 1 : 4 });
     if (strip) trace(pen, strip, view, x, y, { line: BLUE, band: SKY });
+    limitLines(pen, box, y, range, limits);
     pin(pen, box, x, pinned);
   });
   limitNames(pen, box, y, range, limits);

@@ -59,7 +59,7 @@ export function mount(root, app) {
     drawStrip(difference, { strip: found.difference, view, pinned: app.state.at });
     range.textContent = `${km(view[0])} to ${km(view[1])} (${span(view[1] - view[0])})`;
     fill(ofBoth, band, el("span", {}, "level in mm: "), el("span", { class: "whole" }, el("i", { class: "key-line" }), found.second_day), el("span", { class: "whole" }, el("i", { class: "key-beside" }), found.first_day));
-    fill(ofDifference, found.by_section ? "Standard deviation" : "Difference",
+    fill(ofDifference, found.by_section ? "Change of the standard deviation" : "Difference",
       el("span", {}, found.by_section ? `per ${found.by_section} m, ${found.second_day} less ${found.first_day}, in mm; zoom to ${span(found.closest_m)} or less for the difference itself` : `${found.second_day} less ${found.first_day}, aligned, in mm with its 95 % interval; down is settlement`));
     read(null);
   }

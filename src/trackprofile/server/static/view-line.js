@@ -96,7 +96,7 @@ export function mount(root, app) {
     });
     const others = [
       ask("schematic", { ...where, bins: 400 }, signal).then((found) => { marks.bins = found.bins; }),
-      ask("defects", { ...where, from, to, count: 500 }, signal).then((found) => { marks.defects = found.defects; }),
+      ask("defects", { ...where, from, to, count: 500 }, signal).then((found) => { marks.defects = found.total > found.defects.length ? [] : found.defects; }),
       ask("sections", { ...where, band: strips[0].band.name, from, to, count: Math.max(50, Math.round(width / 8)) }, signal).then((found) => { marks.sections = found.sections; ofSections.textContent = sectionsName(found); }),
     ];
     await Promise.all([...wanted, ...others]);
