@@ -22,7 +22,7 @@ from trackprofile.store import Entry, Store, read_profile
 MOST_PASSES = 60
 """That a development is worked out from: more are thinned out evenly."""
 
-CLOSEST = 20_000.0
+CLOSEST = 10_000.0
 """Stretch up to which two days are compared point by point [m]."""
 
 SEEN_AROUND = 30.0

@@ -35,9 +35,9 @@ export function choice(name, options, chosen, onchange, attributes = {}) {
   return el("label", { class: "choice" }, el("span", {}, name), select);
 }
 
-/** What has to be said with every number, to be opened. */
+/** What has to be said with every number, to be closed if it is known. */
 export function warnings(notes) {
-  return notes.length > 0 && el("details", { class: "warning" }, el("summary", {}, "To be said with every number"), el("ul", {}, notes.map((note) => el("li", {}, `${note}.`))));
+  return notes.length > 0 && el("details", { class: "warning", open: true }, el("summary", {}, "To be said with every number"), el("ul", {}, notes.map((note) => el("li", {}, `${note}.`))));
 }
 
 /** A table of heads and rows of cells; a cell is a node, a text, or {number: text}. Names in narrow screens' cards. */

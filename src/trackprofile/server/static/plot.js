@@ -58,7 +58,7 @@ export function axisBelow(pen, box, x, marks, name, options = {}) {
 
 /** Lines across and their values at the left. */
 export function axisLeft(pen, box, y, range, options = {}) {
-  const { step, at } = ticks(range, options.count ?? Math.max(2, box.height / 34));
+  const { step, at } = ticks(range, options.count ?? Math.max(4, box.height / 34));
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   pen.textAlign = "right";
   for (const value of at) {

@@ -115,28 +115,33 @@ export function limitLines(pen, box, y, range, limits) {
   }
 }
 
-/** The lowest is named below its line, the others above theirs. */
+/** The lowest is named below its line, the others above theirs if they can. */
 function limitNames(pen, box, y, range, limits) {
   limits.forEach(({ action, height_mm: height }, i) => {
     if (height > range[1]) return;
-    const place = i ? Math.max(y(height) - 8, box.top + 7) : y(height) + 8;
+    const above = i > 0 && y(height) > box.top + 28; // where there is room below the marks of places
+    const place = y(height) + (above ? -8 : 8);
     label(pen, `${action} ${height} mm`, box.right - 4, place, actionOf(action).ink, "right");
   });
 }
 
-/** Places that call for something, the gravest first: a tinted stretch, and a mark whose shape tells the action. */
-function places(pen, box, x, defects) {
+/** Places that call for something, as far as they are wide enough to be tinted. */
+function tints(pen, box, x, defects) {
+  for (const one of defects) {
+    const { colour, grade } = actionOf(one.calls_for), start = x(one.start_m), end = x(one.end_m);
+    if (end < box.left || start > box.right || end - start < 1.5) continue;
+    pen.globalAlpha = grade ? 0.22 : 0.14;
+    pen.fillStyle = colour;
+    pen.fillRect(start, box.top, end - start, box.height);
+    pen.globalAlpha = 1;
+  }
+}
+
+/** Their marks, whose shape tells the action; the gravest, which come first, above the others. */
+function marks(pen, box, x, defects) {
   for (const one of [...defects].reverse()) {
-    const { colour, grade } = actionOf(one.calls_for);
-    const start = x(one.start_m), end = x(one.end_m);
-    if (end < box.left || start > box.right) continue;
-    if (end - start > 1.5) {
-      pen.globalAlpha = grade ? 0.22 : 0.14;
-      pen.fillStyle = colour;
-      pen.fillRect(start, box.top, end - start, box.height);
-      pen.globalAlpha = 1;
-    }
-    mark(pen, Math.max(box.left + 4, Math.min(box.right - 4, x(one.peak_m))), box.top + 6, grade, colour);
+    const { colour, grade } = actionOf(one.calls_for), place = x(one.peak_m);
+    if (place >= box.left && place <= box.right) mark(pen, place, box.top + 6, grade, colour);
   }
 }
 
@@ -162,7 +167,7 @@ export function drawStrip(canvas, { strip, beside, view, limits = [], defects = 
       notJudged(pen, box, strip, x);
       unknown(pen, box, strip, view, x);
     }
-    places(pen, box, x, defects);
+    tints(pen, box, x, defects);
     // Behind single lines the other is wider; behind what lies between least and greatest it would seem greater.
     if (beside) trace(pen, beside, view, x, y, { line: BESIDE, width: beside.bin_m > 2 ? 1 : 4 });
     if (strip) trace(pen, strip, view, x, y, { line: BLUE, band: SKY });
@@ -170,6 +175,7 @@ export function drawStrip(canvas, { strip, beside, view, limits = [], defects = 
     pin(pen, box, x, pinned);
   });
   limitNames(pen, box, y, range, limits);
+  marks(pen, box, x, defects);
   return range;
 }
 

@@ -12,7 +12,7 @@ export function mount(root, app) {
   const canvas = el("canvas", { class: "schematic", role: "img", "aria-label": "Places along the line that call for something" });
   const said = el("p", { class: "first" }), tools = el("div", { class: "tools" }), rows = el("div", {}), pages = el("p", { class: "pages" }), notes = el("div", {});
   let bins = [], bar = null;
-  fill(root, el("h1", {}, "What calls for something"), said, canvas, tools, rows, pages, notes);
+  fill(root, el("h1", {}, "Exceedances"), said, canvas, tools, rows, pages, notes);
   pickOn(canvas, () => bar, () => app.whole(), (place, done) => {
     if (!done) return;
     const [start, end] = app.whole(), length = Math.max(500, (end - start) / 40);
