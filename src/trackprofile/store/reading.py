@@ -166,6 +166,8 @@ def _rows(
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     with _opened(store, entry.path(table)) as file:
         there = file.schema_arrow.names
+        if table == PROFILES and file.metadata.num_rows != entry.points:
+            raise FileError(f"{store.url}: {entry.path(table)} is of another pass; {_REMEDY}.")
         if names is None:
             names = [name for name in there if not name.startswith("level_")]
         lacking = [name for name in names if name not in there and name not in optional]
