@@ -18,9 +18,11 @@ from trackprofile.store.catalogue import find as find
 from trackprofile.store.catalogue import lines as lines
 from trackprofile.store.entry import Entry as Entry
 from trackprofile.store.entry import Origin as Origin
+from trackprofile.store.entry import StoredFile as StoredFile
 from trackprofile.store.entry import digest as digest
 from trackprofile.store.entry import entry_id as entry_id
 from trackprofile.store.index import build_index as build_index
+from trackprofile.store.layout import DATA as DATA
 from trackprofile.store.layout import Place as Place
 from trackprofile.store.reading import defects as defects
 from trackprofile.store.reading import read_columns as read_columns

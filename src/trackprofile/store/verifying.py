@@ -18,7 +18,7 @@ from trackprofile.store.layout import (
     STORE_FILE,
     UNFINISHED_PATH,
 )
-from trackprofile.store.room import Store
+from trackprofile.store.room import HEAD, Store
 from trackprofile.store.writing import check_claim
 
 
@@ -55,6 +55,10 @@ def verify(store: Store) -> tuple[Problem, ...]:
         STORE_FILE,
         *(path for path in found if ENTRY_PATH.fullmatch(path) or INDEX_PATH.fullmatch(path)),
     }
+    if store.files.read(STORE_FILE) != HEAD:
+        problems.append(
+            Problem(STORE_FILE, f"its bytes were changed; it should say {HEAD.decode().strip()}")
+        )
     for entry in entries:
         problems += _damaged(store, entry, found)
         named.update(entry.paths)
