@@ -18,7 +18,7 @@ LAYERS = (
     {"units"},
     {"contracts", "bands", "motion", "spectrum", "irregularity", "integrate"},
     {"vehicle", "track", "sensor", "search", "limits", "location"},
-    {"instrument", "receptance", "modes", "conditioning"},
+    {"instrument", "flicker", "receptance", "modes", "conditioning"},
     {"simulation", "statespace"},
     {"inference", "comparison", "assessment", "io"},
     {"plot", "scenario", "paper", "resume", "store"},

@@ -34,6 +34,9 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
 HARDEST_BRAKING = 3.0
 """Above what any train's brakes do [m/s²]; emergency brakes of trams reach it."""
 
+NUMBERS = ("noise_density", "bandwidth", "flicker")
+"""What a channel may state of itself, each above zero."""
+
 _MOTION_UNITS = {"time": "s", "distance": "m", "speed": "m/s"}
 
 
@@ -51,6 +54,7 @@ class Channel:
     noise_density : one-sided, in the channel's unit per √Hz; None if not known
     valid : (samples,), False where the sample is not to be used; None if all are good
     bandwidth : where the sensor's own filter cuts off [Hz]; None if the sampling sets it
+    flicker : root of the one-sided density of the 1/f noise at 1 Hz, in the channel's unit per √Hz; None if not known
     """
 
     name: str
@@ -61,6 +65,7 @@ class Channel:
     noise_density: float | None = None
     valid: NDArray[np.bool_] | None = None
     bandwidth: float | None = None
+    flicker: float | None = None
 
 
 def build_recording(
@@ -136,6 +141,7 @@ def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
             noise_density=_optional(variable.attrs.get("noise_density")),
             valid=flags_of(recording, f"{name}_valid", "sample").astype(bool),
             bandwidth=_optional(variable.attrs.get("bandwidth")),
+            flicker=_optional(variable.attrs.get("flicker")),
         )
         for name, variable in recording.data_vars.items()
         if "quantity" in variable.attrs
@@ -185,7 +191,7 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
         "body": channel.body,
         "position": float(channel.position),
     }
-    for optional in ("noise_density", "bandwidth"):
+    for optional in NUMBERS:
         if (number := getattr(channel, optional)) is not None:
             attributes[optional] = float(number)
     put(dataset, name, "sample", channel.values, attributes)
@@ -249,7 +255,7 @@ def _check_channel(name: str, recording: xr.Dataset) -> None:
     body = attributes.get("body")
     if not (isinstance(body, str) and body and np.isfinite(number_in(attributes, "position"))):
         raise DataError(f"Channel {name!r}: expected the body it is on, and a position on it in m.")
-    for optional in ("noise_density", "bandwidth"):
+    for optional in NUMBERS:
         number = number_in({optional: 1.0} | attributes, optional)
         if not 0 < number < np.inf:
             raise DataError(f"Channel {name!r}: expected a {optional} above zero, got {number:g}.")

@@ -200,6 +200,7 @@ def _channel(sensor: Sensor, factor: float, values: Mapping[str, Any]) -> Channe
         position=sensor.position,
         noise_density=None if sensor.noise_density is None else factor * sensor.noise_density,
         bandwidth=sensor.bandwidth,
+        flicker=None if sensor.flicker is None else factor * sensor.flicker,
         # What says of itself which samples are good has to be right; else an empty cell is a missing sample.
         valid=np.isfinite(signal) if sensor.valid is None else values[sensor.valid],
     )

@@ -38,6 +38,7 @@ class Sensor(toml_document.Strict):
     position: float
     noise_density: PositiveFloat | None = None
     bandwidth: PositiveFloat | None = None
+    flicker: PositiveFloat | None = None
     valid: str | None = None
     time: Quantity | None = None
 

@@ -13,6 +13,7 @@ body = "body"                                      # a body of the vehicle, by n
 position = 6.9                                     # m ahead of that body's centre
 noise_density = 0.01                               # optional, per root hertz, in the unit above
 bandwidth = 10                                     # optional, Hz, where its own filter cuts off
+flicker = 0.003                                    # optional, of the 1/f noise at 1 Hz, per root hertz
 valid = "accelerometer_good"                       # optional, a column of 1 and 0
 """
 
@@ -114,6 +115,7 @@ def _explanation(dataset: xr.Dataset, data: str, columns: dict) -> str:
             "position": channel.position,
             "noise_density": channel.noise_density,
             "bandwidth": channel.bandwidth,
+            "flicker": channel.flicker,
             "valid": f"{channel.name}_valid" if f"{channel.name}_valid" in columns else None,
         }
         lines += _lines({key: value for key, value in sensor.items() if value is not None})
