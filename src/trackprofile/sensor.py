@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +11,16 @@ from trackprofile.errors import ModelError
 
 VERTICAL_ACCELERATION = "vertical acceleration"
 PITCH_RATE = "pitch rate"
-UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s"}
+ROLL_RATE = "roll rate"
+UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s", ROLL_RATE: "rad/s"}
 
 # Wide enough for an uncalibrated MEMS part, narrow enough to keep an offset apart from the track:
 # 10 mg and 0.6 °/s (facts: zero-g and zero-rate offsets of the parts listed there).
-OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01}
+OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01, ROLL_RATE: 0.01}
 
 # What parts of that price do in a minute as they warm up: 0.8 mm/s² (80 µg) and 8 °/h (facts: bias instabilities and
 # temperature coefficients). At 10 m/s it takes nothing from waves up to 70 m.
-DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6}
+DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6, ROLL_RATE: 5e-6}
 
 
 @dataclass(frozen=True)
@@ -53,9 +54,10 @@ class Sensor:
     Parameters
     ----------
     name : of the recording's channel
-    quantity : "vertical acceleration" (m/s², up) or "pitch rate" (rad/s, nose-up)
+    quantity : "vertical acceleration" (m/s², up), "pitch rate" (rad/s, nose-up) or "roll rate" (rad/s, left side up)
     body : the body, or the wheel, that carries it
     position : m ahead of that body's centre
+    lateral : m to the left of that body's middle
     noise_density : one-sided, in m/s²/√Hz or rad/s/√Hz; None where it is not known
     bandwidth : Hz, where the sensor's own filter cuts off; None: the sampling sets it
     offset : standard deviation of the unknown offset at the start, m/s² or rad/s; None: a usual one
@@ -79,6 +81,7 @@ class Sensor:
     quantity: str
     body: str
     position: float = 0.0
+    lateral: float = field(default=0.0, kw_only=True)
     noise_density: float | None = None
     bandwidth: float | None = None
     offset: float | None = None

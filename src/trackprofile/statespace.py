@@ -19,7 +19,8 @@ from scipy.linalg import expm
 
 from trackprofile.errors import ModelError
 from trackprofile.flicker import processes
-from trackprofile.sensor import PITCH_RATE, Sensor
+from trackprofile.roll import RollingVehicle
+from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.track import ElasticTrack, PointTrack, RigidTrack, under_wheels
 from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
 
@@ -90,13 +91,15 @@ def state_space(
     A, B = np.zeros((n, n)), np.zeros((n, 3, len(wheels)))
     A[:f, f : 2 * f] = np.eye(f)
     A[f : 2 * f, : 2 * f] = -np.linalg.solve(M, np.hstack([K, Cd]))
-    B[f : 2 * f] = np.linalg.solve(M, push.reshape(f, -1)).reshape(push.shape)
+    B[f : 2 * f] = np.linalg.solve(M, push.reshape(f, 3 * len(wheels))).reshape(push.shape)
     disturbance = _shake(A, shaken, f, unmodelled)
     C, D = np.zeros((len(sensors), n)), np.zeros((len(sensors), 3, len(wheels)))
     for row, sensor in enumerate(sensors):
         weights = _sensor_row(vehicle, full, sensor)
-        if sensor.quantity == PITCH_RATE:
+        if sensor.quantity in {PITCH_RATE, ROLL_RATE}:
             C[row, f : 2 * f] = weights[free]
+            if isinstance(track, RigidTrack):
+                D[row, 1] = weights[wheels]
         else:
             C[row], D[row] = (
                 weights[free] @ A[f : 2 * f],
@@ -264,6 +267,10 @@ def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
             f"it has {', '.join(parts)}"
         )
     freedoms = full.degrees_of_freedom
+    if sensor.quantity == ROLL_RATE and not isinstance(vehicle, RollingVehicle):
+        raise ModelError(
+            f"sensor {sensor.name!r} measures roll, which heave and pitch know nothing of; leave it out here"
+        )
     if sensor.quantity == PITCH_RATE:
         if (sensor.body, PITCH) not in freedoms:
             raise ModelError(

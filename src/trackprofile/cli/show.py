@@ -109,6 +109,9 @@ def profile(files: Sequence[str], notes: Sequence[str], result: Mapping[str, Any
     """What infer found, in words."""
     note(notes)
     say(f"Profile from {round(result['from_m'])} m to {round(result['to_m'])} m in {files[0]}.")
+    apart = result.get("standard_deviation_per_rail_mm", {})
     for band, deviation in result["standard_deviation_mm"].items():
-        say(f"Standard deviation in {band}: {deviation:.3f} mm")
+        rails = [f"{rail} {found[band]:.3f} mm" for rail, found in apart.items() if band in found]
+        more = f" (mean), {', '.join(rails)}" if rails else ""
+        say(f"Standard deviation in {band}: {deviation:.3f} mm{more}")
     say(f"See it in {files[1]} or {files[2]}.")

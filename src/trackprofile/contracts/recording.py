@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from trackprofile.errors import DataError
 QUANTITIES: Mapping[str, tuple[str, str]] = {
     "vertical acceleration": ("m/s2", "acceleration"),
     "pitch rate": ("rad/s", "angular rate"),
+    "roll rate": ("rad/s", "angular rate"),
 }
 """What a channel may measure: its SI unit, and its dimension in `trackprofile.units`."""
 
@@ -51,6 +52,7 @@ class Channel:
     quantity : a key of `QUANTITIES`
     body : the vehicle's body that carries the sensor
     position : ahead of that body's centre [m]
+    lateral : to the left of that body's middle [m]
     noise_density : one-sided, in the channel's unit per √Hz; None if not known
     valid : (samples,), False where the sample is not to be used; None if all are good
     bandwidth : where the sensor's own filter cuts off [Hz]; None if the sampling sets it
@@ -62,6 +64,7 @@ class Channel:
     quantity: str
     body: str
     position: float
+    lateral: float = field(default=0.0, kw_only=True)
     noise_density: float | None = None
     valid: NDArray[np.bool_] | None = None
     bandwidth: float | None = None
@@ -138,6 +141,7 @@ def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
             quantity=variable.attrs["quantity"],
             body=variable.attrs["body"],
             position=float(variable.attrs["position"]),
+            lateral=float(variable.attrs.get("lateral", 0.0)),
             noise_density=_optional(variable.attrs.get("noise_density")),
             valid=flags_of(recording, f"{name}_valid", "sample").astype(bool),
             bandwidth=_optional(variable.attrs.get("bandwidth")),
@@ -191,6 +195,8 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
         "body": channel.body,
         "position": float(channel.position),
     }
+    if channel.lateral:
+        attributes["lateral"] = float(channel.lateral)
     for optional in NUMBERS:
         if (number := getattr(channel, optional)) is not None:
             attributes[optional] = float(number)
@@ -255,6 +261,10 @@ def _check_channel(name: str, recording: xr.Dataset) -> None:
     body = attributes.get("body")
     if not (isinstance(body, str) and body and np.isfinite(number_in(attributes, "position"))):
         raise DataError(f"Channel {name!r}: expected the body it is on, and a position on it in m.")
+    if not np.isfinite(number_in({"lateral": 0.0} | attributes, "lateral")):
+        raise DataError(
+            f"Channel {name!r}: expected a lateral position in m, positive to the left."
+        )
     for optional in NUMBERS:
         number = number_in({optional: 1.0} | attributes, optional)
         if not 0 < number < np.inf:

@@ -158,10 +158,10 @@ def _mounted(parts: Sequence[Channel], upright: Sequence[Upright], count: int) -
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
     for sensor in calibrated:
         if (sensor.quantity, sensor.body) == (channel.quantity, channel.body):
-            return replace(sensor, name=channel.name)
+            return replace(sensor, name=channel.name, lateral=channel.lateral)
     return Sensor(
         channel.name, channel.quantity, channel.body, channel.position, channel.noise_density,
-        bandwidth=channel.bandwidth, flicker=channel.flicker,
+        bandwidth=channel.bandwidth, flicker=channel.flicker, lateral=channel.lateral,
     )  # fmt: skip
 
 

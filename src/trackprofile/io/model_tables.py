@@ -62,12 +62,14 @@ class Body(Strict):
     mass: Number
     pitch_inertia: Number | None = None
     position: Number = 0.0
+    roll_inertia: Number | None = None
 
 
 class Wheel(Strict):
     name: str
     mass: Number
     position: Number
+    roll_inertia: Number | None = None
 
 
 class Link(Strict):
@@ -77,13 +79,16 @@ class Link(Strict):
     position: Number
     stiffness: Number
     damping: Number
+    semi_spacing: Number | None = None
+    roll_stiffness: Number = 0.0
 
 
 class Sensor(Strict):
     name: str
-    quantity: Literal["vertical acceleration", "pitch rate"]
+    quantity: Literal["vertical acceleration", "pitch rate", "roll rate"]
     body: str
     position: float = 0.0
+    lateral: float = 0.0
     unit: str
     noise_density: PositiveFloat | None = None
     bandwidth: PositiveFloat | None = None
@@ -174,6 +179,7 @@ class Installation(Strict):
 
 class Vehicle(Sourced):
     name: str
+    contact_spacing: PositiveFloat = 1.5
     parameter: dict[str, Parameter] = Field(default_factory=dict)
     body: list[Body]
     wheel: list[Wheel]

@@ -198,6 +198,7 @@ def _channel(sensor: Sensor, factor: float, values: Mapping[str, Any]) -> Channe
         quantity=sensor.quantity,
         body=sensor.body,
         position=sensor.position,
+        lateral=sensor.lateral,
         noise_density=None if sensor.noise_density is None else factor * sensor.noise_density,
         bandwidth=sensor.bandwidth,
         flicker=None if sensor.flicker is None else factor * sensor.flicker,

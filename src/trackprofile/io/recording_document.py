@@ -36,6 +36,7 @@ class Sensor(toml_document.Strict):
     quantity: str
     body: str
     position: float
+    lateral: float = 0.0
     noise_density: PositiveFloat | None = None
     bandwidth: PositiveFloat | None = None
     flicker: PositiveFloat | None = None
