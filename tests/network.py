@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 SPACING = 0.25
 DEVIATIONS = {"D1": 5e-5, "D2": 1e-4, "D3": 3e-4}
 LONG_WAVES = 2e-3
+DIP = 7e-3
 VEHICLES = ("intercity-coach", "multiple-unit", "high-speed")
 SPEED = 44.4
 
@@ -74,8 +75,13 @@ class Network:
         return self.length * (0.3 + 0.4 * self._generator(line, 1).random())
 
     def track(self, line: int) -> Array:
-        """Elevation of a line before it settles, every 0.25 m [m]."""
-        return _coloured(self._generator(line, 0), self._points, _track_density)
+        """Elevation of a line before it settles, every 0.25 m, with a dip in each kilometre [m]."""
+        generator = self._generator(line, 0)
+        level = _coloured(generator, self._points, _track_density)
+        for kilometre in range(int(self.length // 1000)):
+            place, depth = 1000 * (kilometre + generator.random()), generator.exponential(DIP)
+            level -= depth * np.exp(-0.5 * ((SPACING * np.arange(self._points) - place) / 2) ** 2)
+        return level
 
     def passed(self, line: int, number: int) -> xr.Dataset:
         """The profile of one pass over a whole line."""

@@ -237,13 +237,14 @@ def tidy(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Remove what writers that were killed left unfinished."""
+    """Remove what writers that were killed left unfinished, and make the index anew."""
     from trackprofile import store as stores
 
     older = timedelta(0) if now else stores.LIVING
-    removed = stores.tidy(stores.open_store(at), older)
+    store = stores.open_store(at)
+    removed, gathered = stores.tidy(store, older), stores.build_index(store)
     if as_json:
-        show.as_one_object({"removed": list(removed)})
+        show.as_one_object({"removed": list(removed), "index": gathered})
         return
     for path in removed:
         show.say(path)

@@ -18,7 +18,7 @@ import numpy as np
 from trackprofile import __version__
 from trackprofile.errors import DataError, FileError
 from trackprofile.limits import Action
-from trackprofile.store.layout import SCHEMA, Place
+from trackprofile.store.layout import DATA, ENTRIES, SCHEMA, Place
 
 _CHECKSUM = "checksum"
 
@@ -134,6 +134,11 @@ class Entry:
         """Of its place."""
         return self.place.run
 
+    @property
+    def paths(self) -> dict[str, str]:
+        """Of its data files, to the table each is of."""
+        return {self.path(table): table for table in self.files}
+
     def path(self, table: str) -> str:
         """Of its file of a table, below the store's root."""
         return self.place.path(table, self.id)
@@ -184,21 +189,26 @@ def parsed(content: bytes, path: str) -> Entry:
     """
     try:
         body = json.loads(content)
-        checksum = body.pop(_CHECKSUM)
-    except (ValueError, KeyError, AttributeError, TypeError) as error:
+        whole = body.pop(_CHECKSUM) == _digest(body)
+    except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
         raise FileError(
             f"{path}: no whole entry; see what trackprofile store verify says."
         ) from error
-    if checksum != _digest(body):
+    if not whole:
         raise FileError(f"{path}: the entry was changed; see what trackprofile store verify says.")
     if not isinstance(body.get("schema"), int) or body["schema"] > SCHEMA:
         raise FileError(
             f"{path}: an entry of schema {body.get('schema')!r}, this version knows up to {SCHEMA}; update it."
         )
     try:
-        return _entry(body)
+        entry = _entry(body)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FileError(f"{path}: not an entry as this version knows it ({error}).") from error
+    if entry.path(ENTRIES) != path or set(entry.files) != set(DATA):
+        raise FileError(
+            f"{path}: the entry does not belong there; remove it, and add the pass again."
+        )
+    return entry
 
 
 def _entry(body: Mapping[str, Any]) -> Entry:

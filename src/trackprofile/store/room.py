@@ -9,6 +9,9 @@ from trackprofile.errors import FileError
 from trackprofile.store.files import Files, files_at
 from trackprofile.store.layout import SCHEMA, STORE_FILE, UNFINISHED_PATH
 
+HEAD = json.dumps({"schema": SCHEMA}).encode() + b"\n"
+"""What a store's own file says."""
+
 
 @dataclass(frozen=True)
 class Store:
@@ -45,7 +48,7 @@ def create(url: str) -> Store:
     if _stated(files) is None:
         if any(not UNFINISHED_PATH.fullmatch(one.path) for one in files.listing("")):
             raise FileError(f"{url}: the folder is no store and not empty; choose another.")
-        files.put(STORE_FILE, json.dumps({"schema": SCHEMA}).encode() + b"\n")
+        files.put(STORE_FILE, HEAD)
     return open_store(url)
 
 
