@@ -65,7 +65,9 @@ def fleet(
     from trackprofile.store import create, tidy
 
     if scheduler is not None and (workers is not None or memory != "auto"):
-        raise FileError("--workers and --memory are of this machine; with --scheduler its workers have their own.")
+        raise FileError(
+            "--workers and --memory are of this machine; with --scheduler its workers have their own."
+        )
     files = output or [manifest.with_name(f"{manifest.stem}-fleet{PAGE}")]
     _check_files(files)
     rows = read_manifest(manifest)
@@ -123,7 +125,12 @@ def _tell(done: Night, written: list[Path], as_json: bool) -> None:
     if as_json:
         about: dict[str, Any] = {"files": list(map(str, written)), "summary": said}
         about |= {state.name.lower(): len(done.of(state)) for state in State}
-        about |= {"wall_s": done.wall, "cpu_s": done.cpu, "workers": done.workers, "length_m": done.length}
+        about |= {
+            "wall_s": done.wall,
+            "cpu_s": done.cpu,
+            "workers": done.workers,
+            "length_m": done.length,
+        }
         show.as_one_object(about | {"recordings": recordings(done)})
         return
     show.note([f"{one.row.file.name}: {one.reason}" for one in failed[:NAMED]])

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackprofile.errors import DataError, FileError
+from trackprofile.machine import ONE_THREAD
 
 if TYPE_CHECKING:
     from distributed import Client
 
 ANSWER = 10.0
 """s in which a scheduler has to answer, when it is called and when the line to it broke."""
-
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
-)
-"""A worker computes one recording at a time, on one core."""
 
 
 @contextmanager
@@ -39,29 +36,29 @@ def local(workers: int | None, memory: str, retries: int) -> Iterator[Client]:
     FileError : Dask is not installed.
     """
     _need_dask()
-    import dask
+    from dask import config
     from dask.utils import parse_bytes
     from distributed import Client, LocalCluster
 
     try:
         size = memory if memory == "auto" else parse_bytes(memory)
     except ValueError as error:
-        raise DataError(f"{memory!r} is no amount of memory; write such as '2 GB', or auto.") from error
+        raise DataError(
+            f"{memory!r} is no amount of memory; write such as '2 GB', or auto."
+        ) from error
 
     settings = {
         "distributed.scheduler.allowed-failures": retries,
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
     }
-    with (
-        _quiet(),
-        dask.config.set(settings),
-        LocalCluster(
-            n_workers=workers or _cores(), threads_per_worker=1, processes=True, memory_limit=size,
-            host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster, timeout=ANSWER) as client,
-    ):  # fmt: skip
-        yield client
+    with _quiet(), config.set(settings):
+        with _deaf_to_ctrl_c():
+            cluster = LocalCluster(
+                n_workers=workers or _cores(), threads_per_worker=1, processes=True, memory_limit=size,
+                host="127.0.0.1", dashboard_address="", silence_logs=logging.CRITICAL,
+            )  # fmt: skip
+        with cluster, Client(cluster, timeout=ANSWER) as client:
+            yield client
 
 
 @contextmanager
@@ -79,21 +76,39 @@ def existing(scheduler: str) -> Iterator[Client]:
     _need_dask()
     from distributed import Client
 
-    of_file = Path(scheduler).suffix == ".json"
+    _check(scheduler)
+    address, file = (None, scheduler) if _is_file(scheduler) else (scheduler, None)
     with _quiet():
         try:
-            client = Client(
-                None if of_file else scheduler,
-                scheduler_file=scheduler if of_file else None,
-                timeout=ANSWER,
-            )
-        except (OSError, ValueError) as error:
+            client = Client(address, scheduler_file=file, timeout=ANSWER)
+        except OSError as error:
             raise FileError(
                 f"{scheduler}: no Dask scheduler answers there within {ANSWER:g} s; "
                 "see that it runs, and that the address is right."
             ) from error
         with client:
             yield client
+
+
+def _check(scheduler: str) -> None:
+    """Refuse what can be no scheduler's address."""
+    from distributed.comm.registry import backends
+
+    if _is_file(scheduler):
+        if not Path(scheduler).is_file():
+            raise FileError(
+                f"{scheduler}: there is no such file; see that the scheduler writes it."
+            )
+        return
+    scheme, mark, _ = scheduler.partition("://")
+    if mark and scheme not in backends:
+        raise FileError(
+            f"{scheduler}: an address begins with one of {', '.join(sorted(backends))}."
+        )
+
+
+def _is_file(scheduler: str) -> bool:
+    return Path(scheduler).suffix == ".json"
 
 
 def _need_dask() -> None:
@@ -111,11 +126,26 @@ def _cores() -> int:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask's log says of its own accord what the rows say of each recording."""
-    log = logging.getLogger("distributed")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
+    """Dask's logs say of their own accord what the rows say of each recording."""
+    logs = [logging.getLogger(name) for name in _LOGS]
+    levels = [log.level for log in logs]
+    for log in logs:
+        log.setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        log.setLevel(level)
+        for log, level in zip(logs, levels, strict=True):
+            log.setLevel(level)
+
+
+_LOGS = ("distributed", "distributed.client")
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Threads and processes that begin here leave Ctrl-C to this one, which ends them in order."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

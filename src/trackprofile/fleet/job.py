@@ -20,7 +20,6 @@ from trackprofile.errors import FileError, TrackprofileError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trackprofile.assessment.assess import Assessment
     from trackprofile.limits import Limits
     from trackprofile.sensor import Installation
     from trackprofile.spectrum import Spectrum
@@ -189,7 +188,9 @@ def recording_of(row: Row) -> xr.Dataset:
 
     recording = read(row.file)
     if recording.attrs["kind_of_data"] != "recording":
-        raise FileError(f"{row.file}: expected a recording, this is a profile; give the right file.")
+        raise FileError(
+            f"{row.file}: expected a recording, this is a profile; give the right file."
+        )
     start, end = (None if one is None else one - row.offset for one in (row.start, row.end))
     return between(recording, start, end)
 
@@ -239,5 +240,7 @@ def _on_the_line(profile: xr.Dataset, offset: float) -> xr.Dataset:
     if not offset:
         return profile
     distance = profile["distance"]
-    moved = profile.assign_coords(distance=("distance", distance.to_numpy() + offset, distance.attrs))
+    moved = profile.assign_coords(
+        distance=("distance", distance.to_numpy() + offset, distance.attrs)
+    )
     return with_provenance(moved, f"{offset:g} m added to the distance")

@@ -18,8 +18,8 @@
     vehicle = "car-7.toml"
     revision = 1                            # of what stands in the store more than once, the greatest is shown
 
-Instead of, or beside, the tables ``[[recording]]`` stands ``table = "night.csv"``: a CSV with these keys for columns and
-a recording a row; an empty cell says nothing. Such a CSV is a manifest too, if its rows say everything.
+Instead of, or beside, the tables ``[[recording]]`` stands ``table = "night.csv"``: a CSV with these keys for columns
+and a recording a row; an empty cell says nothing. Such a CSV is a manifest too, if its rows say everything.
 """
 
 from __future__ import annotations

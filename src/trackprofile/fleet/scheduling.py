@@ -11,7 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from trackprofile.errors import FileError
 
@@ -100,7 +100,7 @@ class _Workers:
         if time.monotonic() - self._asked >= COUNT:
             self._asked = time.monotonic()
             try:
-                threads: Mapping[str, int] = self._client.nthreads()
+                threads = cast(Mapping[str, int], self._client.nthreads())
             except OSError:  # the line broke just now: `done` sees to it
                 return 0
             self._number = sum(threads.values())

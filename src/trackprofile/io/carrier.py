@@ -12,9 +12,7 @@ from trackprofile.sensor import Installation
 from trackprofile.vehicle import Vehicle
 
 
-def carrier(
-    recording: xr.Dataset, path: Path, given: str | None
-) -> tuple[Vehicle, Installation]:
+def carrier(recording: xr.Dataset, path: Path, given: str | None) -> tuple[Vehicle, Installation]:
     """The vehicle that was given, else the one that the recording names, beside it or a preset.
 
     Parameters
