@@ -28,6 +28,7 @@ from trackprofile.cli.options import (
     read_as,
 )
 from trackprofile.cli.simulate import simulate
+from trackprofile.cli.store import app as store
 from trackprofile.cli.vehicles import app as vehicles
 from trackprofile.errors import DataError, TrackprofileError
 
@@ -48,6 +49,7 @@ app.command()(report)
 app.command()(changes)
 app.command()(fleet)
 app.add_typer(vehicles, name="vehicles")
+app.add_typer(store, name="store")
 
 
 @app.command()

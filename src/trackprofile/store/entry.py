@@ -9,13 +9,16 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from datetime import date
 from typing import Any
 
+import numpy as np
+
 from trackprofile import __version__
 from trackprofile.errors import DataError, FileError
-from trackprofile.store.layout import SCHEMA, Place
+from trackprofile.limits import Action
+from trackprofile.store.layout import DATA, ENTRIES, SCHEMA, Place
 
 _CHECKSUM = "checksum"
 
@@ -131,6 +134,11 @@ class Entry:
         """Of its place."""
         return self.place.run
 
+    @property
+    def paths(self) -> dict[str, str]:
+        """Of its data files, to the table each is of."""
+        return {self.path(table): table for table in self.files}
+
     def path(self, table: str) -> str:
         """Of its file of a table, below the store's root."""
         return self.place.path(table, self.id)
@@ -147,6 +155,18 @@ def entry_id(place: Place, origin: Origin) -> str:
     (True, False)
     """
     return f"{origin.recording[:16]}-{_digest([origin.version, place.run])[:16]}"
+
+
+def digest(**given: object) -> str:
+    """16 hexadecimal digits of everything that a result was made with: parameters, settings, arrays.
+
+    Examples
+    --------
+    >>> one, same, other = (digest(speed=v, at=np.arange(n)) for v, n in ((1.0, 3), (1.0, 3), (1.0, 4)))
+    >>> len(one), one == same, one == other
+    (16, True, False)
+    """
+    return _digest(_plain(given))[:16]
 
 
 def document(entry: Entry) -> bytes:
@@ -169,21 +189,26 @@ def parsed(content: bytes, path: str) -> Entry:
     """
     try:
         body = json.loads(content)
-        checksum = body.pop(_CHECKSUM)
-    except (ValueError, KeyError, AttributeError, TypeError) as error:
+        whole = body.pop(_CHECKSUM) == _digest(body)
+    except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
         raise FileError(
             f"{path}: no whole entry; see what trackprofile store verify says."
         ) from error
-    if checksum != _digest(body):
+    if not whole:
         raise FileError(f"{path}: the entry was changed; see what trackprofile store verify says.")
     if not isinstance(body.get("schema"), int) or body["schema"] > SCHEMA:
         raise FileError(
             f"{path}: an entry of schema {body.get('schema')!r}, this version knows up to {SCHEMA}; update it."
         )
     try:
-        return _entry(body)
+        entry = _entry(body)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise FileError(f"{path}: not an entry as this version knows it ({error}).") from error
+    if entry.path(ENTRIES) != path or set(entry.files) != set(DATA):
+        raise FileError(
+            f"{path}: the entry does not belong there; remove it, and add the pass again."
+        )
+    return entry
 
 
 def _entry(body: Mapping[str, Any]) -> Entry:
@@ -200,7 +225,7 @@ def _entry(body: Mapping[str, Any]) -> Entry:
         points=int(body["points"]),
         known=float(body["known"]),
         deviations=dict(body["deviations"]),
-        defects=dict(body["defects"]),
+        defects={one.words: int(body["defects"][one.words]) for one in Action},
         notes=tuple(body["notes"]),
         files={name: StoredFile(**one) for name, one in body["files"].items()},
     )
@@ -209,6 +234,22 @@ def _entry(body: Mapping[str, Any]) -> Entry:
 def sealed(content: bytes) -> StoredFile:
     """How to know a file's content again."""
     return StoredFile(len(content), hashlib.sha256(content).hexdigest())
+
+
+def _plain(value: Any) -> Any:
+    """As JSON can hold it."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return [
+            type(value).__name__,
+            {one.name: _plain(getattr(value, one.name)) for one in fields(value)},
+        ]
+    if isinstance(value, np.ndarray | np.generic):
+        return [value.dtype.str, _plain(value.tolist())]
+    if isinstance(value, Mapping):
+        return [[_plain(key), _plain(one)] for key, one in value.items()]
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return repr(value)
 
 
 def _canonical(value: Any) -> bytes:

@@ -21,16 +21,23 @@ PROFILES, OVERVIEWS, ENTRIES = "profiles", "overviews", "entries"
 TABLES = ("defects", "sections", "not_assessed", "spectra")
 """Of an assessment, as of `trackprofile.assessment.tables`."""
 
+DATA = (PROFILES, OVERVIEWS, *TABLES)
+"""Of which every entry has one file each."""
+
+INDEX = "index"
+"""Of the entries gathered in one file."""
+
 STORE_FILE = "store.json"
 
 _LONGEST = 200  # B of an encoded name: file systems end at 255
 
 _PART = r"line=[^/]+/direction=[^/]+/day=\d{4}-\d{2}-\d{2}/"
 _ID = r"[0-9a-f]{16}-[0-9a-f]{16}"
-DATA_PATH = re.compile(rf"({'|'.join((PROFILES, OVERVIEWS, *TABLES))})/{_PART}{_ID}\.parquet")
+DATA_PATH = re.compile(rf"({'|'.join(DATA)})/{_PART}{_ID}\.parquet")
+INDEX_PATH = re.compile(rf"{INDEX}/[0-9a-f]{{64}}\.parquet")
 ENTRY_PATH = re.compile(rf"{ENTRIES}/{_PART}{_ID}\.json")
 UNFINISHED_PATH = re.compile(
-    rf"\w+/{_PART}\.{_ID}\.[0-9a-f]{{8}}\.(parquet|json)|\.store\.[0-9a-f]{{8}}\.json"
+    rf"(\w+/{_PART}\.{_ID}|{INDEX}/\.[0-9a-f]{{64}}|\.store)\.[0-9a-f]{{8}}\.(parquet|json)"
 )
 """A file that a writer has not ended, as `trackprofile.io.atomic` names it."""
 

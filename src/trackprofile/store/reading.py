@@ -33,6 +33,8 @@ def read_columns(
 ) -> dict[str, NDArray[Any]]:
     """Columns of a pass between two places, both included; numbers that are not known are NaN.
 
+    ``distance_m`` is among them, whatever is asked for.
+
     Parameters
     ----------
     names : as of `trackprofile.store.columns`, such as ``level_D1_m``
@@ -166,13 +168,16 @@ def _rows(
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     with _opened(store, entry.path(table)) as file:
         there = file.schema_arrow.names
+        if table == PROFILES and file.metadata.num_rows != entry.points:
+            raise FileError(f"{store.url}: {entry.path(table)} is of another pass; {_REMEDY}.")
         if names is None:
             names = [name for name in there if not name.startswith("level_")]
+        names = list(dict.fromkeys(("distance_m", *names)))
         lacking = [name for name in names if name not in there and name not in optional]
         if lacking:
             raise DataError(f"The pass {entry.id} has no {lacking[0]}; it has {', '.join(there)}.")
         names = [name for name in names if name in there]
-        found = file.read_row_groups(_groups(file, start, end), columns=list(names))
+        found = file.read_row_groups(_groups(file, start, end), columns=names)
         about = json.loads((file.schema_arrow.metadata or {}).get(ATTRIBUTES, b"{}"))
     columns = {name: found[name].to_numpy() for name in names}
     distance = columns["distance_m"]

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 from trackprofile.errors import FileError
 from trackprofile.store.files import Files, files_at
-from trackprofile.store.layout import SCHEMA, STORE_FILE
+from trackprofile.store.layout import SCHEMA, STORE_FILE, UNFINISHED_PATH
+
+HEAD = json.dumps({"schema": SCHEMA}).encode() + b"\n"
+"""What a store's own file says."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +46,9 @@ def create(url: str) -> Store:
     """
     files = files_at(str(url))
     if _stated(files) is None:
-        if next(files.listing(""), None) is not None:
+        if any(not UNFINISHED_PATH.fullmatch(one.path) for one in files.listing("")):
             raise FileError(f"{url}: the folder is no store and not empty; choose another.")
-        files.put(STORE_FILE, json.dumps({"schema": SCHEMA}).encode() + b"\n")
+        files.put(STORE_FILE, HEAD)
     return open_store(url)
 
 

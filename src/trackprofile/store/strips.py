@@ -78,7 +78,7 @@ def strip(store: Store, entry: Entry, column: str, start: float, end: float, wid
     else:
         table, around = PROFILES, (first * size, np.nextafter((last + 1) * size, -np.inf))
     low, high, spread = _names(table, column)
-    wanted = ["distance_m", *dict.fromkeys((low, high)), spread, "quality"]
+    wanted = [*dict.fromkeys((low, high)), spread, "quality"]
     if last < first:
         around = (np.inf, np.inf)
     rows = read_columns(store, entry, wanted, *around, table=table, optional=(spread,))

@@ -7,10 +7,18 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.store.entry import Entry, parsed, sealed
+from trackprofile.store.entry import Entry, document, parsed, sealed
 from trackprofile.store.files import Found
-from trackprofile.store.layout import DATA_PATH, ENTRY_PATH, STORE_FILE, UNFINISHED_PATH
-from trackprofile.store.room import Store
+from trackprofile.store.index import indexed
+from trackprofile.store.layout import (
+    DATA_PATH,
+    ENTRIES,
+    ENTRY_PATH,
+    INDEX_PATH,
+    STORE_FILE,
+    UNFINISHED_PATH,
+)
+from trackprofile.store.room import HEAD, Store
 from trackprofile.store.writing import check_claim
 
 
@@ -40,22 +48,24 @@ def verify(store: Store) -> tuple[Problem, ...]:
     for path in found:
         if ENTRY_PATH.fullmatch(path):
             try:
-                entries.append(_own(parsed(store.files.read(path), path), path))
+                entries.append(parsed(store.files.read(path), path))
             except FileError as error:
                 problems.append(Problem(path, str(error)))
-    named = {STORE_FILE, *(path for path in found if ENTRY_PATH.fullmatch(path))}
+    named = {
+        STORE_FILE,
+        *(path for path in found if ENTRY_PATH.fullmatch(path) or INDEX_PATH.fullmatch(path)),
+    }
+    if store.files.read(STORE_FILE) != HEAD:
+        problems.append(
+            Problem(STORE_FILE, f"its bytes were changed; it should say {HEAD.decode().strip()}")
+        )
     for entry in entries:
         problems += _damaged(store, entry, found)
-        named.update(entry.path(table) for table in entry.files)
+        named.update(entry.paths)
+    problems += _untrue(store, found, entries)
     problems += [_unnamed(path) for path in found if path not in named]
     problems += _contradicting(entries)
     return tuple(sorted(problems, key=lambda one: one.path))
-
-
-def _own(entry: Entry, path: str) -> Entry:
-    if entry.path("entries") != path:
-        raise FileError(f"{path}: the entry belongs to {entry.path('entries')}; move or remove it.")
-    return entry
 
 
 def _damaged(store: Store, entry: Entry, found: dict[str, Found]) -> Iterator[Problem]:
@@ -70,6 +80,23 @@ def _damaged(store: Store, entry: Entry, found: dict[str, Found]) -> Iterator[Pr
             yield Problem(path, f"half-written or replaced: {size} B of {stored.size} B; {again}")
         elif sealed(store.files.read(path)) != stored:
             yield Problem(path, f"its bytes were changed; {again}")
+
+
+def _untrue(store: Store, found: dict[str, Found], entries: list[Entry]) -> Iterator[Problem]:
+    """Indices that are damaged, or say of an entry what its file does not."""
+    documents = {entry.path(ENTRIES): document(entry) for entry in entries}
+    for path in found:
+        if not INDEX_PATH.fullmatch(path):
+            continue
+        try:
+            rows = indexed(store.files.read(path), path)
+        except FileError as error:
+            yield Problem(path, str(error))
+            continue
+        told = zip(rows["path"].to_pylist(), rows["document"].to_pylist(), strict=True)
+        other = [entry for entry, content in told if documents.get(entry, content) != content]
+        if other:
+            yield Problem(path, f"it is older than {other[0]}; tidy the store to make it anew")
 
 
 def _unnamed(path: str) -> Problem:

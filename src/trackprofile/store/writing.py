@@ -106,13 +106,13 @@ def add(
                 f"The pass {name} is stored from {same.start:g} m to {same.end:g} m, not from {start:g} m to "
                 f"{end:g} m; give the other stretch of the recording a run of its own."
             )
-        return Added(same, False, same in newest(there))
+        return Added(same, False, same.path(ENTRIES) in newest(there))
     contents = _contents(name, place, profile, assessment, way or Way())
     entry = _entry(name, place, origin, profile, assessment, contents)
     for table, content in contents.items():
         store.files.put(entry.path(table), content)
     store.files.put(entry.path(ENTRIES), document(entry))
-    return Added(entry, True, entry in newest((*there, entry)))
+    return Added(entry, True, entry.path(ENTRIES) in newest((*there, entry)))
 
 
 def check_claim(
@@ -156,14 +156,15 @@ def tidy(store: Store, older: timedelta = LIVING) -> tuple[str, ...]:
     Returns
     -------
     what was removed, as paths below the store's root
+
+    Raises
+    ------
+    FileError : an entry is damaged: what it names cannot be told. Nothing was removed.
     """
     before = time.time() - older.total_seconds()
-    found = list(store.files.listing(""))
-    named = set()
-    for one in found:
-        if ENTRY_PATH.fullmatch(one.path):
-            entry = parsed(store.files.read(one.path), one.path)
-            named.update(entry.path(table) for table in entry.files)
+    found = tuple(store.files.listing(""))
+    entries = [one.path for one in found if ENTRY_PATH.fullmatch(one.path)]
+    named = {path for entry in entries for path in parsed(store.files.read(entry), entry).paths}
     left = []
     for one in found:
         unnamed = DATA_PATH.fullmatch(one.path) and one.path not in named
