@@ -14,7 +14,7 @@ import trackprofile
 
 ROOT = Path(trackprofile.__file__).parent
 LAYERS = (
-    {"errors"},
+    {"errors", "machine"},
     {"units"},
     {"contracts", "bands", "motion", "spectrum", "irregularity", "integrate"},
     {"vehicle", "track", "sensor", "search", "limits", "location"},
@@ -24,6 +24,7 @@ LAYERS = (
     {"plot", "scenario", "paper", "resume", "store"},
     {"reporting", "outputs"},
     {"demo", "bench", "reproduction", "server"},
+    {"fleet"},
     {"cli"},
     {"__main__"},
 )
