@@ -21,7 +21,7 @@ LAYERS = (
     {"instrument", "receptance", "modes", "conditioning"},
     {"simulation", "statespace"},
     {"inference", "comparison", "assessment", "io"},
-    {"plot", "scenario", "paper", "resume"},
+    {"plot", "scenario", "paper", "resume", "fusion"},
     {"reporting", "outputs"},
     {"demo", "bench", "reproduction"},
     {"cli"},
