@@ -21,7 +21,7 @@ LAYERS = (
     {"instrument", "receptance", "modes", "conditioning"},
     {"simulation", "statespace"},
     {"inference", "comparison", "assessment", "io"},
-    {"plot", "scenario", "paper", "resume", "fusion"},
+    {"plot", "scenario", "paper", "resume", "store", "fusion"},
     {"reporting", "outputs"},
     {"demo", "bench", "reproduction"},
     {"cli"},

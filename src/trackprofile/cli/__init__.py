@@ -27,6 +27,7 @@ from trackprofile.cli.options import (
     read_as,
 )
 from trackprofile.cli.simulate import simulate
+from trackprofile.cli.store import app as store
 from trackprofile.cli.vehicles import app as vehicles
 from trackprofile.errors import DataError, TrackprofileError
 
@@ -46,6 +47,7 @@ app.command()(assess)
 app.command()(report)
 app.command()(changes)
 app.add_typer(vehicles, name="vehicles")
+app.add_typer(store, name="store")
 
 
 @app.command()

@@ -13,6 +13,8 @@ from trackprofile.cli.options import From, Json, To, read_as
 from trackprofile.errors import DataError, FileError
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from trackprofile.assessment.assess import Assessment
     from trackprofile.assessment.changes import Changes, Pass
     from trackprofile.limits import Limits
@@ -65,7 +67,7 @@ def assess(
     from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
     from trackprofile.reporting.summary import headline, summary
 
-    along = _way(way)
+    along = way_of(way)
     wanted = output or []
     for path in wanted:
         if path.suffix.lower() != MAP:
@@ -126,7 +128,7 @@ def report(
     from trackprofile.reporting.summary import headline, summary
 
     report_files(*output)
-    along = _way(way)
+    along = way_of(way)
     found = _assessed(profile, limits, speed, from_m, to_m, passes)
     other = None if beside is None else _assessed(beside, limits, speed, from_m, to_m, passes)
     changed = None
@@ -174,7 +176,7 @@ def changes(
 
     if output is not None:
         table_files(output, CHANGE_TABLES)
-    along = _way(way)
+    along = way_of(way)
     found = _changed([_dated(one) for one in profiles], limits, speed)
     made = {"changes": change_table(found, along), "repeatability": repeatability_table(found)}
     files = () if output is None else write_tables(made, output)
@@ -190,26 +192,32 @@ def changes(
         show.say(f"Tables in {', '.join(map(str, files))}.")
 
 
-def _way(path: Path | None) -> Way:
+def way_of(path: Path | None) -> Way:
+    """Kilometre posts and coordinates from a file; without one, the distance itself."""
     from trackprofile.io.way_table import read_way
     from trackprofile.location import Way
 
     return Way() if path is None else read_way(path)
 
 
-def _assessed(
-    path: Path, limits: str, speed: str, from_m: float | None, to_m: float | None, passes: int
-) -> Assessment:
+def judged(profile: xr.Dataset, limits: str, speed: str, passes: int) -> Assessment:
+    """A profile assessed, as the options say."""
     from trackprofile.assessment.assess import assess as judge
-    from trackprofile.contracts import between
     from trackprofile.io.limits_toml import read_limits
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.units import quantity
 
     rules = read_limits(limits)
-    profile = between(read_as(path, "profile"), from_m, to_m)
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
     return judge(profile, rules, quantity(speed, "speed"), spectra=spectra, passes=passes)
+
+
+def _assessed(
+    path: Path, limits: str, speed: str, from_m: float | None, to_m: float | None, passes: int
+) -> Assessment:
+    from trackprofile.contracts import between
+
+    return judged(between(read_as(path, "profile"), from_m, to_m), limits, speed, passes)
 
 
 def _dated(text: str) -> Pass:

@@ -24,5 +24,6 @@ from trackprofile.contracts.recording import build_recording as build_recording
 from trackprofile.contracts.recording import channels as channels
 from trackprofile.contracts.recording import validate_recording as validate_recording
 from trackprofile.contracts.verbs import between as between
+from trackprofile.contracts.verbs import fingerprint as fingerprint
 from trackprofile.contracts.verbs import validated as validated
 from trackprofile.contracts.verbs import with_provenance as with_provenance

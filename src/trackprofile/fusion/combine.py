@@ -62,6 +62,7 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
     level, rate = laid.reference.copy(), np.zeros(laid.distance.size)
     error, rate_error = np.zeros((2, LENGTHS.size, laid.places.size))
     moves = np.zeros((len(RANGES), laid.places.size))
+    covered = np.asarray((laid.inside > 0).any(axis=0))
     for number, part in enumerate(RANGES):
         fit = _fitted(laid, part, days, trust, day if timed else 0.0)
         error[part.waves] = fit.error
@@ -71,7 +72,7 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
             found = moving(
                 np.interp(laid.places, laid.distance, fit.rate),
                 np.sqrt(width @ fit.rate_error),
-                (laid.inside > 0).any(axis=0),
+                covered,
                 2 * float(WIDTH[part.waves].sum() * np.ptp(laid.distance)),
             )
             p, q = found.probability, found.kept

@@ -10,7 +10,6 @@ Zhou and Lange 2019), until nothing changes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,7 +101,7 @@ def _of_wave(laid: Laid, wave: int, edges: Indices, chosen: Indices) -> tuple[Ar
     G = laid.gain(wave)
     error = laid.stated[:, wave] + G * laid.misplaced(wave)
     own = laid.beside(wave) / np.sqrt(laid.along(G * error) * POWER[wave])
-    informed = (laid.cover(wave) > 0.5) & (laid.inside > 0)
+    informed = np.asarray((laid.cover(wave) > 0.5) & (laid.inside > 0))
     strength = laid.strength(wave)
     products, told, strong, counts = [], [], [], []
     for number in chosen:
@@ -111,7 +110,7 @@ def _of_wave(laid: Laid, wave: int, edges: Indices, chosen: Indices) -> tuple[Ar
         places = slice(*np.searchsorted(laid.places, [low, high]))
         if places.stop == places.start:
             places = slice(places.start, places.start + 1)
-        there = informed[:, places].all(axis=1)
+        there = np.asarray(informed[:, places].all(axis=1))
         part = np.where(there[:, None], own[:, here], 0.0)
         products.append(part @ part.T / part.shape[1])
         told.append(np.where(there, (G / error)[:, places].mean(axis=1), 0.0))

@@ -29,6 +29,7 @@ EXPLAINED = 0.5
 """Share of what a pass differs by that goes with the track itself, from which its vehicle is at fault, not its noise."""
 
 _EVEN = 0.05  # share that a gain or a lag, one for all waves, leaves of that, if it is one
+_ROUNDS = 5  # in which passes are weighed down on stretches
 _UNLIKE = 0.3  # of a wave, below which a pass does not hold what the line has
 
 
@@ -162,16 +163,16 @@ def likeness(
         sines(np.where(known, one, np.nan), laid.spacing) for one in (laid.level[i], others)
     )
     waves = [wave for part in JUDGED if part.name in bands for wave in part.numbers]
-    beta, weight, difference = np.zeros(len(waves), complex), np.zeros(len(waves)), 0.0
+    beta, weight, difference = np.zeros(len(waves), np.complex128), np.zeros(len(waves)), 0.0
     for row, wave in enumerate(waves):
         y, z = own.wave(wave), np.asarray(hilbert(line.wave(wave)))
         stated = float(np.median(laid.stated[i, wave]))
-        power = max(float(np.vdot(z, z).real) / 2, 1e-300)
-        beta[row], weight[row] = complex(np.vdot(z, y)) / power, power / stated
-        difference += float(np.sum((y - z.real) ** 2)) / stated
-    gain = float(np.sum(weight * beta.real) / weight.sum())
+        power = max(float(np.sum(np.abs(z) ** 2)) / 2, 1e-300)
+        beta[row], weight[row] = np.vdot(z, y) / power, power / stated
+        difference += float(np.sum((y - np.real(z)) ** 2)) / stated
+    gain = float(np.sum(weight * np.real(beta)) / weight.sum())
     turned = weight * OMEGA[waves]
-    lag = -float(np.sum(turned * beta.imag) / np.sum(turned * OMEGA[waves]))
+    lag = -float(np.sum(turned * np.imag(beta)) / np.sum(turned * OMEGA[waves]))
     off, by_gain, by_lag = (
         float(np.sum(weight * np.abs(beta - one) ** 2))
         for one in (1.0, gain, np.exp(-1j * OMEGA[waves] * lag))
@@ -195,54 +196,58 @@ def reason_of(found: Likeness) -> tuple[Reason, float | None]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """By how much passes depart from all others, stretch by stretch of one range.
+    """Where passes contradict all others, stretch by stretch of one range.
 
     Parameters
     ----------
     start, end : (s) [m]
-    times : variance of what each pass departs by over the expected (n, s) [-]
-    beyond : whether that is a contradiction (n, s)
+    louder : variance of each pass's error over the expected where it contradicts the others, else 1 (n, s) [-]
     """
 
     start: Array
     end: Array
-    times: Array
-    beyond: Mask
+    louder: Array
 
 
-def stretches(
-    of: Cells, part: Range, laid: Laid, days: Array, vehicle: Indices, found: Factors, local: Array
+def louder_stretches(
+    of: Cells, part: Range, laid: Laid, days: Array, vehicle: Indices, found: Factors
 ) -> Stretches:
     """Compare each pass in each stretch with what all others make of it.
 
-    What is left of pass i given all others has the variance 1/P_ii, and is (P t)_i / P_ii (de Jong 1988).
-
-    Parameters
-    ----------
-    local : what is known already to be louder there, as a factor (n, s)
+    What is left of pass i given all others has the variance 1/P_ii, and is (P t)_i / P_ii (de Jong 1988). One bad pass
+    makes all others depart a little: the worst of each stretch is weighed down first, and all are asked again.
     """
     _, of_wave = np.unique(of.wave, return_inverse=True)
-    starts, index = np.unique(of.start, return_inverse=True)
-    louder = found.louder.T[of_wave] * local.T[index]
-    P, _ = projection(of, days, vehicle, louder, np.concatenate([[found.change], found.shared]))
-    W = P @ of.product @ P
-    mine, expected = (np.einsum("cii->ci", one) for one in (W, P))
-    there = of.there & (expected > 1e-12)
-    ratio = np.where(there, mine / np.where(there, expected, 1.0), np.nan)
-    ends = np.zeros(starts.size)
-    ends[index] = of.end
+    start, index = np.unique(of.start, return_inverse=True)
+    end = np.zeros(start.size)
+    end[index] = of.end
     weight = (_weights(part, laid) * found.louder)[:, of_wave].T
-    total, square, sure = np.zeros((3, starts.size, days.size))
-    for row in range(index.size):
-        here = there[row]
-        total[index[row], here] += (weight[row] * ratio[row])[here]
-        sure[index[row], here] += weight[row][here]
-        square[index[row], here] += (weight[row] ** 2 / of.count[row])[here]
-    seen = sure > 0
-    times = np.where(seen, total / np.where(seen, sure, 1.0), 1.0).T
-    freedom = np.where(seen, sure**2 / np.where(seen, square, 1.0), 1.0).T
-    least = chance(times.size)
-    beyond = seen.T & (times > TIMES**2) & (times > chi2.isf(least, freedom) / freedom)
-    # One bad pass makes all others depart a little: the worst alone is meant.
-    beyond &= times >= np.where(beyond, times, 0.0).max(axis=0)
-    return Stretches(starts, ends, times, beyond)
+    spread = np.concatenate([[found.change], found.shared])
+    louder = np.ones((days.size, start.size))
+    for _ in range(_ROUNDS):
+        P, _ = projection(of, days, vehicle, found.louder.T[of_wave] * louder.T[index], spread)
+        left, expected = (np.einsum("cii->ci", one) for one in (P @ of.product @ P, P))
+        there = of.there & (expected > 1e-12)
+        ratio = np.where(there, left / np.where(there, expected, 1.0), 0.0)
+        each = np.where(there, weight, 0.0)
+        total, sure, square = (
+            _summed(one, index, start.size)
+            for one in (each * ratio, each, each**2 / of.count[:, None])
+        )
+        seen = sure > 0
+        times = total / np.where(seen, sure, 1.0)
+        freedom = np.where(seen, sure**2 / np.where(seen, square, 1.0), 1.0)
+        least = chi2.isf(chance(times.size), freedom) / freedom
+        beyond = seen & (times > TIMES**2) & (times > least)
+        beyond &= times >= np.where(beyond, times, 0.0).max(axis=1, keepdims=True)
+        if not beyond.any():
+            break
+        louder = np.where(beyond.T, louder * times.T, louder)
+    return Stretches(start, end, louder)
+
+
+def _summed(values: Array, index: Indices, size: int) -> Array:
+    """Rows added up by stretch (size, n)."""
+    found = np.zeros((size, values.shape[1]))
+    np.add.at(found, index, values)
+    return found

@@ -148,7 +148,8 @@ def lay(passes: Sequence[Placed]) -> Laid:
     spacing = min(float(np.median(np.diff(one.of.profile["distance"]))) for one in passes)
     ends = [one.of.profile["distance"].to_numpy()[[0, -1]] for one in passes]
     if len(passes) == 1:
-        distance = np.linspace(*ends[0], round(float(np.ptp(ends[0])) / spacing) + 1)
+        first, last = ends[0]
+        distance = np.linspace(first, last, round(float(last - first) / spacing) + 1)
     else:
         starts, stops = np.array(ends).T
         first = np.ceil(starts[starts < starts.min() + TOGETHER].max() / spacing - 1e-9)

@@ -159,14 +159,14 @@ def _followed(one: _Seen, reference: _Seen) -> Alignment | None:
     """The lag of a pass behind another along the line, to about a metre; None where the two do not look alike."""
     count = min(round(WINDOW / _STEP), reference.slope.size)
     starts = np.arange(0, reference.slope.size - count + 1, max(count // 2, 1))
-    likeness = np.stack([_likeness(one, reference, start, count) for start in starts])
+    likeness = np.stack([_likeness(one, reference, int(start), count) for start in starts])
     path = _likeliest_path(likeness, max(1, round(SCALE * count / 2)))
     found = likeness[np.arange(starts.size), path]
     told = found != 0.0
     if not told.any() or found[told].mean() < LIKE:
         return None
-    lags = _STEP * path - FARTHEST
-    return _simplest(reference.start + _STEP * (starts + 0.5 * count), lags, found > LIKE)
+    middles = np.asarray(reference.start + _STEP * (starts + 0.5 * count), np.float64)
+    return _simplest(middles, np.asarray(_STEP * path - FARTHEST, np.float64), found > LIKE)
 
 
 def _likeness(one: _Seen, reference: _Seen, start: int, count: int) -> Array:
@@ -201,20 +201,22 @@ def _likeliest_path(likeness: Array, step: int) -> NDArray[np.intp]:
 def _simplest(distance: Array, lag: Array, sure: Mask) -> Alignment:
     """Straight lines through the lags, as few as come within half of what `align` finds, the outer ones going on."""
     distance, lag = distance[sure], lag[sure]
-    for pieces in range(1, distance.size + 1):
+    knots, at_knots = distance[:1], lag[:1]
+    for pieces in range(1, distance.size):
         knots = np.linspace(distance[0], distance[-1], pieces + 1)
         hats = np.stack([np.interp(distance, knots, one) for one in np.eye(pieces + 1)], axis=1)
-        at_knots = np.linalg.lstsq(hats, lag, rcond=None)[0]
+        at_knots = np.asarray(np.linalg.lstsq(hats, lag, rcond=None)[0], np.float64)
         if np.abs(hats @ at_knots - lag).max() < 0.5 * DRIFT:
             break
-    if distance.size == 1:
-        return Alignment(distance, lag, np.zeros(1))
+    if knots.size == 1:
+        return Alignment(knots, at_knots, np.zeros(1))
     slope = np.diff(at_knots)[[0, -1]] / np.diff(knots)[[0, -1]]
-    ends = knots[[0, -1]] + np.array([-1.0, 1.0]) * _BEYOND
-    beyond = at_knots[[0, -1]] + slope * (ends - knots[[0, -1]])
-    distance = np.concatenate([ends[:1], knots, ends[1:]])
+    beyond = np.array([-_BEYOND, _BEYOND])
+    ends, at_ends = knots[[0, -1]] + beyond, at_knots[[0, -1]] + slope * beyond
     return Alignment(
-        distance, np.concatenate([beyond[:1], at_knots, beyond[1:]]), np.zeros(distance.size)
+        np.concatenate([ends[:1], knots, ends[1:]]),
+        np.concatenate([at_ends[:1], at_knots, at_ends[1:]]),
+        np.zeros(knots.size + 2),
     )
 
 

@@ -20,7 +20,7 @@ from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
 
-LENGTHS: Array = 2.0 ** (0.5 * np.arange(27))
+LENGTHS = np.asarray(2.0 ** (0.5 * np.arange(27)), np.float64)
 """Wavelengths on which the waves are centred [m]; the first and last take all that is shorter or longer."""
 
 OMEGA: Array = 2 * np.pi / LENGTHS
@@ -127,7 +127,7 @@ class Sines:
                 here, share = _shares_of(sines.size, self.spacing, number)
                 part = np.zeros(sines.size)
                 part[here] = sines[here] * share
-                found[piece.start + 1 : piece.stop - 1] = idst(part, type=1, overwrite_x=True)
+                found[piece.start + 1 : piece.stop - 1] = np.asarray(idst(part, type=1))
             # A line from end to end is the quarter of a wave four times as long.
             if number == np.argmin(np.abs(LENGTHS - 4 * self.spacing * line.size)):
                 found[piece] += line
@@ -284,10 +284,12 @@ def _fitted(bands: Mapping[str, Array], everything: Array) -> Stated:
     """Spectra whose variances are the stated ones: each height is scaled by what its variance lacks, over and over."""
     middles = np.log([_MIDDLES[name] for name in bands])
     target, weight = (np.stack([of[name] for name in bands]) for of in (bands, INTEGRALS))
-    beyond = LENGTHS > max(band.longest for band in BANDS if band.name in bands)
+    longest = max(band.longest for band in BANDS if band.name in bands)
+    beyond = longest < LENGTHS
     noise = np.log(target / weight.sum(axis=1)[:, None])
     top = noise[-1] + 4.0
     shape = np.where(beyond, 1.0 / (1.0 + (OMEGA / KNEE) ** 2), np.inf)[:, None]
+    prior = density = np.empty(0)
     for _ in range(_ROUNDS):
         prior = np.exp(top) * shape
         density = 1.0 / (np.exp(-_straight(middles, noise)) + 1.0 / prior)

@@ -1,4 +1,4 @@
-"""What each pass is worth: how loud it is, what it shares with its vehicle's others, and whether it is to be believed."""
+"""What each pass is worth: how loud it is, what it shares with others, and whether it is to be believed."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from trackprofile.fusion.judge import (
     Stretches,
     likeness,
     louder_in,
+    louder_stretches,
     outlying,
     reason_of,
-    stretches,
 )
 from trackprofile.fusion.laid import Laid
 from trackprofile.fusion.vehicles import Vehicles, hidden_by, notes_on, shared_by, vehicles_of
@@ -35,8 +35,6 @@ FEWEST = 3
 
 TELLING = 1.5
 """Standard deviations of the passes' scatter, over the stated, from which it is said."""
-
-_ROUNDS = 5  # of judging stretches
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,24 +138,22 @@ def _stretch_by_stretch(
 ) -> tuple[Array, list[Contradiction]]:  # fmt: skip
     """How much louder passes are on stretches where they contradict the others (n, ranges, k), and where that is."""
     local, said = np.ones(trust.local.shape), list[Contradiction]()
-    for part in JUDGED if active.sum() >= FEWEST else ():
+    if active.sum() < FEWEST:
+        return local, said
+    for part in JUDGED:
         number = RANGES.index(part)
         of = every[number].of(active)
-        louder = np.ones((days.size, np.unique(of.start).size))
-        for _ in range(_ROUNDS):
-            judged = stretches(of, part, laid, days, vehicles.number, found[number], louder)
-            if not judged.beyond.any():
-                break
-            louder = np.where(judged.beyond, louder * judged.times, louder)
-        for i in np.flatnonzero((louder > 1).any(axis=1)):
-            for run in runs(louder[i] > 1):
+        judged = louder_stretches(of, part, laid, days, vehicles.number, found[number])
+        for i in np.flatnonzero((judged.louder > 1).any(axis=1)):
+            local[i, number] = _faded(judged, judged.louder[i], laid.places)
+            for run in runs(judged.louder[i] > 1):
                 ends = float(judged.start[run.start]), float(judged.end[run.stop - 1])
-                times = {part.name: float(np.sqrt(louder[i, run].max()))}
-                said.append(_contradiction(laid, trust, int(i), times, ends))
-            local[i, number] = _faded(judged, louder[i], laid.places)
+                times = {part.name: float(np.sqrt(judged.louder[i, run].max()))}
+                one = _contradiction(laid, trust, int(i), times, ends)
+                said.append(replace(one, used=True))
     # What lies beyond the bands goes with the nearest.
     local[:, 0], local[:, -1] = local[:, 1], local[:, -2]
-    return local, [replace(one, used=True) for one in said]
+    return local, said
 
 
 def _faded(of: Stretches, louder: Array, places: Array) -> Array:
