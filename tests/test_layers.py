@@ -21,7 +21,7 @@ LAYERS = (
     {"instrument", "flicker", "receptance", "roll", "conditioning"},
     {"simulation", "statespace", "modes"},
     {"inference", "comparison", "assessment", "io"},
-    {"plot", "scenario", "paper", "resume", "store"},
+    {"plot", "scenario", "paper", "resume", "store", "fusion"},
     {"reporting", "outputs"},
     {"demo", "bench", "reproduction", "server"},
     {"fleet"},
