@@ -27,6 +27,7 @@ from trackprofile.cli.options import (
     TrackName,
     read_as,
 )
+from trackprofile.cli.plan import plan
 from trackprofile.cli.simulate import simulate
 from trackprofile.cli.store import app as store
 from trackprofile.cli.vehicles import app as vehicles
@@ -48,6 +49,7 @@ app.command()(assess)
 app.command()(report)
 app.command()(changes)
 app.command()(fleet)
+app.command()(plan)
 app.add_typer(vehicles, name="vehicles")
 app.add_typer(store, name="store")
 
