@@ -190,7 +190,7 @@ def _smooth(length: float, variance: bool) -> None:
 
 def _of_one_thread(figures: str) -> list[Result]:
     """What a function of this module measures in a process of its own."""
-    found = in_one_thread(f"[vars(one) for one in {figures}()]", "trackprofile.bench")
+    found = in_one_thread("trackprofile.bench", f"[vars(one) for one in of.{figures}()]")
     return [Result(**one) for one in found]
 
 

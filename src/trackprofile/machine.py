@@ -32,15 +32,15 @@ def peak_memory() -> float:
     return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
 
 
-def in_one_thread(expression: str, module: str) -> Any:
-    """What an expression with the names of a module is, as JSON has it, in a process of its own on one thread.
+def in_one_thread(module: str, expression: str) -> Any:
+    """What an expression about a module, ``of``, is, as JSON has it, in a process of its own on one thread.
 
     Examples
     --------
-    >>> in_one_thread("sqrt(4.0)", "math")
+    >>> in_one_thread("math", "of.sqrt(4.0)")
     2.0
     """
-    code = f"import json; from {module} import *; print(json.dumps({expression}))"
+    code = f"import json; import {module} as of; print(json.dumps({expression}))"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=os.environ | ONE_THREAD,

@@ -28,6 +28,7 @@ from trackprofile.cli.options import (
     TrackName,
     read_as,
 )
+from trackprofile.cli.plan import plan
 from trackprofile.cli.serve import serve
 from trackprofile.cli.simulate import simulate
 from trackprofile.cli.store import app as store
@@ -54,6 +55,7 @@ app.command()(report)
 app.command()(changes)
 app.command()(serve)
 app.command()(fleet)
+app.command()(plan)
 app.add_typer(vehicles, name="vehicles")
 app.add_typer(store, name="store")
 

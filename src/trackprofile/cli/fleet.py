@@ -62,7 +62,7 @@ def fleet(
     from trackprofile.fleet.cluster import existing, local
     from trackprofile.fleet.manifest import read_manifest
     from trackprofile.fleet.night import night
-    from trackprofile.store import create, tidy
+    from trackprofile.store import build_index, create, tidy
 
     if scheduler is not None and (workers is not None or memory != "auto"):
         raise FileError(
@@ -80,9 +80,9 @@ def fleet(
     except KeyboardInterrupt:
         show.note(["Interrupted: what is in the store stays, and the same command goes on."])
         raise typer.Exit(INTERRUPTED_EXIT) from None
+    _tell(done, _write(done, manifest, files), as_json)
     tidy(place)
-    written = _write(done, manifest, files)
-    _tell(done, written, as_json)
+    build_index(place)
     if not any(one.entry for one in done.outcomes):
         raise typer.Exit(1)
 

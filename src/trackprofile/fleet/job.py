@@ -171,7 +171,8 @@ def _brought(job: Job) -> tuple[State, Entry]:
 
 
 def _stored(store: Store, place: Place, origin: Origin) -> Entry | None:
-    from trackprofile.store.entry import entry_id, parsed
+    from trackprofile.store import entry_id
+    from trackprofile.store.entry import parsed
     from trackprofile.store.layout import ENTRIES
 
     path = place.path(ENTRIES, entry_id(place, origin))

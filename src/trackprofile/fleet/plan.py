@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-DAY = 86_400.0
-"""s"""
+from trackprofile.errors import DataError
 
 YEAR = 365.0
 """days"""
@@ -26,6 +25,10 @@ class Network:
     utilisation : share of the cores' time that is work
     copies : of what is kept
     raw_days : that recordings are kept
+
+    Raises
+    ------
+    DataError : one of them cannot be.
     """
 
     length: float = 10_000e3
@@ -36,6 +39,25 @@ class Network:
     utilisation: float = 0.6
     copies: float = 2.0
     raw_days: float = 30.0
+
+    def __post_init__(self) -> None:
+        above_zero = (
+            self.length,
+            self.passes,
+            self.recording_length,
+            self.train_speed,
+            self.copies,
+        )
+        if not all(math.isfinite(one) and one > 0 for one in above_zero):
+            raise DataError("A plan needs lines, passes, recordings, a speed and copies above 0.")
+        if not 0 < self.hours <= 24:
+            raise DataError(f"Hours of a day with work: expected up to 24, got {self.hours:g}.")
+        if not 0 < self.utilisation <= 1:
+            raise DataError(f"Utilisation: expected above 0 and up to 1, got {self.utilisation:g}.")
+        if not (math.isfinite(self.raw_days) and self.raw_days >= 0):
+            raise DataError(
+                f"Days that recordings are kept: expected 0 or more, got {self.raw_days:g}."
+            )
 
 
 @dataclass(frozen=True)
