@@ -16,6 +16,7 @@ from trackprofile import __version__
 from trackprofile.cli import show
 from trackprofile.cli.assess import assess, changes, report
 from trackprofile.cli.calibrate import calibrate
+from trackprofile.cli.fuse import fuse
 from trackprofile.cli.infer import infer
 from trackprofile.cli.inspect import inspect
 from trackprofile.cli.options import (
@@ -46,6 +47,7 @@ app.command()(simulate)
 app.command()(assess)
 app.command()(report)
 app.command()(changes)
+app.command()(fuse)
 app.add_typer(vehicles, name="vehicles")
 app.add_typer(store, name="store")
 
