@@ -17,6 +17,7 @@ from trackprofile.cli import show
 from trackprofile.cli.assess import assess, changes, report
 from trackprofile.cli.calibrate import calibrate
 from trackprofile.cli.fleet import fleet
+from trackprofile.cli.fuse import fuse
 from trackprofile.cli.infer import infer
 from trackprofile.cli.inspect import inspect
 from trackprofile.cli.options import (
@@ -56,6 +57,7 @@ app.command()(changes)
 app.command()(serve)
 app.command()(fleet)
 app.command()(plan)
+app.command()(fuse)
 app.add_typer(vehicles, name="vehicles")
 app.add_typer(store, name="store")
 

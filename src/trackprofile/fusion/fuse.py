@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 
@@ -11,17 +11,23 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.assessment.changes import Pass
-from trackprofile.bands import BANDS
+from trackprofile.bands import BANDS, band_pass_pieces
 from trackprofile.contracts import Quality, build_profile, validated, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.fusion.combine import Combined, combine, without_each
 from trackprofile.fusion.judge import Contradiction, Reason
 from trackprofile.fusion.laid import Laid, lay
 from trackprofile.fusion.places import FAR, Elsewhere, Placed, placed, realigned
-from trackprofile.fusion.waves import ALL, deviations
+from trackprofile.fusion.waves import ALL, JUDGED, RANGES, deviations
 from trackprofile.fusion.weigh import Weighed, weigh
 
 Array = NDArray[np.float64]
+
+METHOD = "fusion of"
+"""With which a fused profile's method begins."""
+
+LIKELY, BEYOND = 0.5, 3.0
+"""Probability that a place moves, and standard deviations of its rate, from which it is said to."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,25 @@ class Member:
 
 
 @dataclass(frozen=True)
+class MovingPlace:
+    """A place that moves.
+
+    Parameters
+    ----------
+    band : by name
+    start, peak, end : where it begins, is fastest, ends [m]
+    per_day, deviation : at the peak, in the band; settlement is negative [m/day]
+    """
+
+    band: str
+    start: float
+    peak: float
+    end: float
+    per_day: float
+    deviation: float
+
+
+@dataclass(frozen=True)
 class Fused:
     """All passes in one.
 
@@ -55,6 +80,7 @@ class Fused:
     day : of its level
     members : what was made of each pass, in the order of their days
     contradictions : passes that contradict the others
+    moving : places whose rate is no chance, by band
     notes : in sentences
     """
 
@@ -62,6 +88,7 @@ class Fused:
     day: date
     members: tuple[Member, ...]
     contradictions: tuple[Contradiction, ...]
+    moving: tuple[MovingPlace, ...]
     notes: tuple[str, ...]
 
 
@@ -116,6 +143,7 @@ def fuse(passes: Sequence[Pass], day: date | None = None) -> Fused:
         day,
         _members(ordered, laid, weighed),
         contradictions,
+        tuple(_moving(laid, line)),
         (*weighed.notes, *_about_time(found, day)),
     )
 
@@ -143,7 +171,12 @@ def _alone(one: Pass, day: date) -> Fused:
         one.name, one.day, str(one.profile.attrs["vehicle"]), 0.0, {}, {band.name: 1.0 for band in BANDS}
     )  # fmt: skip
     return Fused(
-        profile, day, (member,), (), ("There is one pass: it comes back as it is, without a rate",)
+        profile,
+        day,
+        (member,),
+        (),
+        (),
+        ("There is one pass: it comes back as it is, without a rate",),
     )
 
 
@@ -176,7 +209,7 @@ def _profile(
         laid.distance,
         line.level,
         kind="posterior",
-        method=f"fusion of {int(weighed.active.sum())} passes",
+        method=f"{METHOD} {int(weighed.active.sum())} passes",
         standard_deviation=np.where(known, spread[ALL], np.nan),
         band_standard_deviations={
             band.name: np.where(known, spread[band.name], np.nan)
@@ -199,6 +232,26 @@ def _profile(
     return with_provenance(
         profile, step + (f"; left out: {', '.join(left_out)}" if left_out else "")
     )
+
+
+def _moving(laid: Laid, line: Combined) -> Iterator[MovingPlace]:
+    """Where it is likely that track moves, and its rate in the band is beyond what its deviation explains.
+
+    What lies within the band's longest wave of each other is one place: a dip has shoulders in any band.
+    """
+    rates = deviations(line.rate_error)
+    of_line = np.where(np.isnan(line.level), np.nan, line.rate)
+    for part in JUDGED:
+        band = next(one for one in BANDS if one.name == part.name)
+        of_band = band_pass_pieces(of_line, laid.spacing, band)
+        spread = laid.along(rates[part.name])
+        likely = laid.along(line.moves[RANGES.index(part)]) > LIKELY
+        sure = np.flatnonzero(likely & (np.abs(np.nan_to_num(of_band)) > BEYOND * spread))
+        apart = np.flatnonzero(np.diff(sure) * laid.spacing > band.longest) + 1
+        for there in np.split(sure, apart) if sure.size else ():
+            top = there[np.argmax(np.abs(of_band[there]))]
+            start, peak, end = (float(laid.distance[i]) for i in (there[0], top, there[-1]))
+            yield MovingPlace(part.name, start, peak, end, float(of_band[top]), float(spread[top]))
 
 
 def _bands_of(profile: xr.Dataset) -> list[str]:

@@ -26,7 +26,7 @@ BY_CHANCE = 1e-4
 """That good passes are said to contradict each other somewhere."""
 
 EXPLAINED = 0.5
-"""Share of what a pass differs by that goes with the track itself, from which its vehicle is at fault, not its noise."""
+"""Share of what a pass differs by that goes with the track, from which its vehicle is at fault, not its noise."""
 
 _EVEN = 0.05  # share that a gain or a lag, one for all waves, leaves of that, if it is one
 _ROUNDS = 5  # in which passes are weighed down on stretches

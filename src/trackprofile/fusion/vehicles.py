@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackprofile.fusion.factors import Factors
 from trackprofile.fusion.judge import freedom_in, louder_in
 from trackprofile.fusion.laid import Laid
-from trackprofile.fusion.waves import INTEGRALS, JUDGED, RANGES, deviations
+from trackprofile.fusion.waves import INTEGRALS, JUDGED, RANGES, Range, deviations
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -87,39 +87,56 @@ def hidden_by(vehicles: Vehicles, laid: Laid, found: Sequence[Factors], active: 
 
 
 def notes_on(
-    vehicles: Vehicles,
-    laid: Laid,
-    shared: Array,
-    hidden: Array,
-    times: Mapping[str, Array],
-    active: Mask,
+    vehicles: Vehicles, laid: Laid, found: Sequence[Factors], active: Mask, hidden: Array
 ) -> list[str]:
     """What the vehicles have wrong, or what nobody can tell, in sentences."""
     seen = sorted({vehicles.names[one] for one in vehicles.number[active]})
     if len(seen) == 1:
-        text = f"All passes are of one vehicle, {seen[0]!r}: what its model has wrong is in all of them and shows in none"
-        less = [part.name for number, part in enumerate(RANGES) if hidden[number] > 0]
-        if less:
-            text += f"; in {', '.join(less)} they scatter less than they state, and the rest is taken to be shared"
-        return [text]
+        return [
+            _of_one(seen[0], [one.name for one, part in zip(RANGES, hidden, strict=True) if part])
+        ]
     notes = []
-    strength = np.stack([laid.strength(wave) for wave in range(laid.stated.shape[1])]).mean(axis=1)
     for part in JUDGED:
-        number = RANGES.index(part)
-        weight = INTEGRALS[part.name] * strength
-        common = np.sqrt(shared[:, number] * weight.sum())
-        own = np.array([deviations(np.median(one, axis=1))[part.name] for one in laid.stated])
-        usual = float(np.median((own * times[part.name])[active]))
-        if len(seen) == 2:
-            if common.max() > SEEN * usual:
-                notes.append(
-                    f"{part.name}: {seen[0]!r} and {seen[1]!r} differ by {1.4e3 * common.max():.2g} mm that is no noise: "
-                    "which of them is right cannot be told"
-                )
-            continue
-        for name, size in zip(vehicles.names, common, strict=True):
-            if name in seen and size > SEEN * usual:
-                notes.append(
-                    f"{part.name}: passes of {name!r} share an error of {1e3 * size:.2g} mm that others do not have"
-                )
+        common, own = _sizes(vehicles, laid, part, found[RANGES.index(part)], active)
+        loud = [name for name in seen if common[name] > own[name]]
+        if loud and len(seen) == 2:
+            notes.append(
+                f"{part.name}: {seen[0]!r} and {seen[1]!r} differ by {1.4e3 * common[seen[0]]:.2g} mm that is no "
+                "noise: which of them is right cannot be told"
+            )
+        else:
+            notes += [
+                f"{part.name}: passes of {name!r} share an error of {1e3 * common[name]:.2g} mm that others do not have"
+                for name in loud
+            ]
     return notes
+
+
+def _of_one(name: str, less: Sequence[str]) -> str:
+    text = f"All passes are of one vehicle, {name!r}: what its model has wrong is in all of them, and shows in none"
+    if less:
+        text += f"; in {', '.join(less)} they scatter less than they state, and the rest is taken to be shared"
+    return text
+
+
+def _sizes(
+    vehicles: Vehicles, laid: Laid, part: Range, found: Factors, active: Mask
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Standard deviation of what each vehicle's passes share, and what that has to exceed to be worth a word [m].
+
+    Worth a word is `SEEN` of a pass's own error, and twice what chance makes of a mean over its passes.
+    """
+    weight = INTEGRALS[part.name]
+    strength = sum(float(weight[wave] * laid.strength(wave).mean()) for wave in part.numbers)
+    louder = louder_in(part, laid, found.louder)
+    freedom = float(freedom_in(part, laid, found)[active].mean())
+    common, least = {}, {}
+    for number, name in enumerate(vehicles.names):
+        mine = active & (vehicles.number == number)
+        if mine.any():
+            own = [deviations(one.mean(axis=1))[part.name] ** 2 for one in laid.stated[mine]]
+            variance = float(np.mean(own * louder[mine]))
+            chance = 2.0 * np.sqrt(2.0 / max(freedom, 1e-9)) * variance / np.count_nonzero(mine)
+            common[name] = float(np.sqrt(found.shared[number] * strength))
+            least[name] = float(np.sqrt(max(SEEN**2 * variance, 2.0 * chance)))
+    return common, least

@@ -67,26 +67,26 @@ def weigh(laid: Laid) -> Weighed:
     vehicles = vehicles_of(laid)
     every = [cells(laid, part) for part in RANGES]
     active, said = np.ones(days.size, bool), dict[int, Contradiction]()
+    times = {part.name: np.ones(days.size) for part in JUDGED}
     while True:
         found = [
             factors(each.of(active), days, vehicles.number, vehicles.tied(active)) for each in every
         ]
+        for part in JUDGED:
+            over = louder_in(part, laid, found[RANGES.index(part)].louder)
+            times[part.name] = np.where(active, np.sqrt(over), times[part.name])
         trust = _trust(laid, found, active, vehicles)
         worst = _worst(laid, found, active, said)
         if worst is None:
             break
-        i, times = worst
-        said[i] = _contradiction(laid, trust, i, times, _ends(laid, i))
+        i, bands = worst
+        said[i] = _contradiction(laid, trust, i, bands, _ends(laid, i))
         active[i] = said[i].used
     local, places = _stretch_by_stretch(laid, every, found, days, vehicles, active, trust)
     trust = replace(trust, local=trust.local * local)
-    times = {
-        part.name: np.sqrt(louder_in(part, laid, found[RANGES.index(part)].louder))
-        for part in JUDGED
-    }
     notes = (
         *_on_scatter(times, active),
-        *notes_on(vehicles, laid, trust.shared, trust.hidden, times, active),
+        *notes_on(vehicles, laid, found, active, trust.hidden),
     )
     shares = _shares(laid, days, trust)
     return Weighed(days, active, trust, times, shares, (*said.values(), *places), notes)
