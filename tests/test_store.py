@@ -21,7 +21,15 @@ from network import SPEED, Network, fill
 from trackprofile import store as stores
 from trackprofile.assessment.assess import Assessment, assess
 from trackprofile.bands import BANDS, band_pass_pieces
-from trackprofile.contracts import Quality, build_profile, fingerprint
+from trackprofile.contracts import (
+    Quality,
+    Rail,
+    RailLevel,
+    build_profile,
+    fingerprint,
+    rails_of,
+    with_rails,
+)
 from trackprofile.errors import DataError, FileError
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.location import Way
@@ -88,6 +96,37 @@ def test_a_profile_comes_back_as_exactly_as_is_stated(store: Store, profile: xr.
     np.testing.assert_allclose(back["elevation"], profile["elevation"], rtol=0, atol=2.0**-24)
     for name in ("standard_deviation", "standard_deviation_D1", "standard_deviation_D3"):
         np.testing.assert_allclose(back[name], profile[name], rtol=2.0**-11)
+
+
+def test_both_rails_come_back_beside_their_mean(store: Store, profile: xr.Dataset) -> None:
+    side = 1e-3 * np.sin(profile["distance"] / 3)
+    spread = np.full(side.size, 1e-4)
+    known = profile["elevation"].fillna(0.0)
+    apart = with_rails(
+        profile.assign(quality=0 * profile["quality"], elevation=known.assign_attrs(units="m")),
+        {
+            Rail.LEFT: RailLevel(known + side, spread, {"D1": spread / 2}),
+            Rail.RIGHT: RailLevel(known - side, spread),
+        },
+    )
+    entry = stored(store, apart).entry
+    back = stores.read_profile(store, entry)
+    assert list(back.variables) == list(apart.variables)
+    for name in apart.data_vars:
+        np.testing.assert_allclose(back[name], apart[name], rtol=2.0**-11, atol=2.0**-24)
+        assert back[name].dtype == apart[name].dtype
+    assert rails_of(back) == tuple(Rail)
+    drawn = stores.strip(store, entry, "elevation_left", 0.0, 600.0, 40)
+    assert drawn.low.min() == back["elevation_left"].min()
+    assert drawn.deviation.max() == pytest.approx(1e-4, rel=2.0**-11)
+
+
+def test_what_no_column_can_hold_is_refused(store: Store, profile: xr.Dataset) -> None:
+    strange = profile.assign(speed=profile["elevation"].assign_attrs(units="m/s"))
+    with pytest.raises(
+        DataError, match="speed: a store keeps what is in metres along a profile, and flags"
+    ):
+        stored(store, strange)
 
 
 @given(seed=st.integers(0, 2**32 - 1), scale=st.floats(1e-9, 1e5), begin=st.floats(-1e6, 1e6))

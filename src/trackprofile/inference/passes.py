@@ -14,6 +14,7 @@ from trackprofile.errors import DataError
 from trackprofile.inference.doubted import said
 from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import Measured, measured
+from trackprofile.inference.rails import mean_alone
 from trackprofile.sensor import Installation
 from trackprofile.vehicle import Vehicle
 
@@ -56,7 +57,7 @@ def passes_of(
     DataError
         Where the recordings have other sensors than the first, or the reference covers none of them.
     """
-    data = [measured(one, installation) for one in recordings]
+    data = [mean_alone(measured(one, installation), vehicle, installation) for one in recordings]
     for i, one in enumerate(data[1:], start=2):
         _expect_same_sensors(data[0], one, i)
     notes = [

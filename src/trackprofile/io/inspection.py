@@ -16,7 +16,7 @@ from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files
-from trackprofile.io.guess import Guess, Role, guess
+from trackprofile.io.guess import SENSORS, Guess, Role, guess
 from trackprofile.io.heading import Heading
 from trackprofile.io.recording_columns import recording_of
 from trackprofile.io.recording_document import Document
@@ -161,7 +161,7 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
             line = f"{key} = {toml_document.written({'column': one.heading.name, 'unit': one.guess.unit})}"
             lines.append(("# or: " if number else "") + line + _mark(one))
     lines.append('# vehicle = "velaro"  # a preset, or the TOML of a vehicle beside this file')
-    sensors = [one for one in contents if one.guess.role in {Role.VERTICAL, Role.PITCH}]
+    sensors = [one for one in contents if one.guess.role in SENSORS]
     for one in sensors:
         lines += [
             "",
@@ -172,13 +172,15 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
             f"body = {toml_document.written(one.guess.body)}  # guessed",
             "position = 0.0  # guessed: m ahead of that body's centre",
         ]
+        if one.guess.lateral:
+            lines.append(f"lateral = {one.guess.lateral}  # guessed: m to the left of its middle")
     rest = [one.heading.name for one in contents if one.guess.role not in _USED]
     if rest:
         lines += ["", "# Not used: " + ", ".join(map(toml_document.written, rest))]
     return "\n".join(lines) + "\n"
 
 
-_USED = {Role.TIME, Role.DISTANCE, Role.SPEED, Role.VERTICAL, Role.PITCH}
+_USED = {Role.TIME, Role.DISTANCE, Role.SPEED, *SENSORS}
 
 
 def _mark(content: Content) -> str:

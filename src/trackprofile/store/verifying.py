@@ -11,6 +11,7 @@ from trackprofile.store.entry import Entry, document, parsed, sealed
 from trackprofile.store.files import Found
 from trackprofile.store.index import indexed
 from trackprofile.store.layout import (
+    DATA,
     DATA_PATH,
     ENTRIES,
     ENTRY_PATH,
@@ -45,16 +46,15 @@ def verify(store: Store) -> tuple[Problem, ...]:
     found = {one.path: one for one in store.files.listing("")}
     entries: list[Entry] = []
     problems: list[Problem] = []
+    named = {STORE_FILE}
+    named.update(path for path in found if INDEX_PATH.fullmatch(path) or ENTRY_PATH.fullmatch(path))
     for path in found:
         if ENTRY_PATH.fullmatch(path):
             try:
                 entries.append(parsed(store.files.read(path), path))
             except FileError as error:
                 problems.append(Problem(path, str(error)))
-    named = {
-        STORE_FILE,
-        *(path for path in found if ENTRY_PATH.fullmatch(path) or INDEX_PATH.fullmatch(path)),
-    }
+                named.update(_beside(path))
     if store.files.read(STORE_FILE) != HEAD:
         problems.append(
             Problem(STORE_FILE, f"its bytes were changed; it should say {HEAD.decode().strip()}")
@@ -66,6 +66,12 @@ def verify(store: Store) -> tuple[Problem, ...]:
     problems += [_unnamed(path) for path in found if path not in named]
     problems += _contradicting(entries)
     return tuple(sorted(problems, key=lambda one: one.path))
+
+
+def _beside(entry: str) -> Iterator[str]:
+    """Paths of the data files of an entry that cannot be read, by its own."""
+    for table in DATA:
+        yield f"{table}{entry.removeprefix(ENTRIES).removesuffix('.json')}.parquet"
 
 
 def _damaged(store: Store, entry: Entry, found: dict[str, Found]) -> Iterator[Problem]:

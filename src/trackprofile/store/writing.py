@@ -6,6 +6,7 @@ entry names, which another try writes again, byte for byte. Two that add the sam
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -161,14 +162,14 @@ def tidy(store: Store, older: timedelta = LIVING) -> tuple[str, ...]:
     ------
     FileError : an entry is damaged: what it names cannot be told. Nothing was removed.
     """
-    before = time.time() - older.total_seconds()
+    before = time.time() - older.total_seconds() if older else math.inf
     found = tuple(store.files.listing(""))
     entries = [one.path for one in found if ENTRY_PATH.fullmatch(one.path)]
     named = {path for entry in entries for path in parsed(store.files.read(entry), entry).paths}
     left = []
     for one in found:
         unnamed = DATA_PATH.fullmatch(one.path) and one.path not in named
-        old = one.modified <= before if one.modified is not None else older == timedelta(0)
+        old = before == math.inf or (one.modified is not None and one.modified <= before)
         if old and (unnamed or UNFINISHED_PATH.fullmatch(one.path)):
             store.files.remove(one.path)
             left.append(one.path)
