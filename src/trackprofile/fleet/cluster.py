@@ -7,6 +7,7 @@ import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -144,6 +145,8 @@ _LOGS = ("distributed", "distributed.client")
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
     """Threads and processes that begin here leave Ctrl-C to this one, which ends them in order."""
+    # It unblocks the signal when it starts, so it has to run before.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -57,7 +57,7 @@ def tables(plan: Plan) -> dict[str, Table]:
         ("recordings are kept for", f"{network.raw_days:g} days", "--raw-days"),
     ]  # fmt: skip
     measured = [
-        ("computing", f"{number(1e3 * cost.cpu)} ms of a core per metre", "one recording read, inferred, assessed, stored"),
+        ("computing", f"{number(1e3 * cost.cpu)} ms per metre", "to read, infer, assess and store one recording"),
         ("memory of a worker", data(cost.memory), "its peak"),
         ("recording in Parquet", f"{number(cost.recorded)} B per metre", "64-bit numbers; 16-bit ones are a quarter"),
         ("recording in CSV", f"{number(cost.recorded_as_csv)} B per metre", "for comparison"),
