@@ -9,6 +9,7 @@ recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor c
                            variable of any name, and ``<channel>_valid``
 profile    ``distance``    ``elevation``, ``standard_deviation``, the same per band with
                            ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5)
+both                       ``distance_deviation``, how well each place is known
 =========  ==============  ===========================================================
 """
 

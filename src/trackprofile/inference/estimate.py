@@ -15,6 +15,7 @@ from trackprofile.conditioning.faults import Fault
 from trackprofile.contracts import build_profile, with_provenance
 from trackprofile.inference.blocks import Piece, Task, cut, joined, solved, usual_draws
 from trackprofile.inference.doubted import told
+from trackprofile.inference.facing import facing
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
     KNOT_SPACING,
@@ -26,8 +27,8 @@ from trackprofile.inference.measured import (
     moved,
 )
 from trackprofile.inference.noise import find_noise
+from trackprofile.inference.places import deviation_at, of_true_distance
 from trackprofile.inference.sensitivity import with_gains
-from trackprofile.inference.wiring import rewired
 from trackprofile.receptance import point_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum
@@ -137,7 +138,9 @@ def estimate(
     installation, track = installation or Installation(), track or RigidTrack()
     calibrated = installation.uncertainty is not None
     progress = progress or (lambda stage, share: None)
-    data = rewired(measured(recording, installation), vehicle, point_track(track))
+    installation, scaled = of_true_distance(installation, recording)
+    data = measured(recording, installation)
+    data, vehicle = facing(data, recording, vehicle, point_track(track))
     model, notes = find_noise(
         data, vehicle, point_track(track), installation, prior, progress, load=load
     )
@@ -151,7 +154,9 @@ def estimate(
     data = replace(data, loud=loudness(data))
     found = joined(_pieces(data, run, task, {} if kept is None else kept, progress))
     faults = (*data.faults, *found.faults)
-    notes = (*data.notes, *told(faults, run), *notes, *_reduction(track, model.track, correct))
+    places, located = deviation_at(found.place, run, recording)
+    notes = (*data.notes, *scaled, *located, *told(faults, run), *notes)
+    notes += _reduction(track, model.track, correct)
     if calibrated:
         notes += ("the uncertainty of the calibrated vehicle is in that of the profile",)
     step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {seed}; bands: {FILTER_NAME}"
@@ -165,6 +170,7 @@ def estimate(
         quality=found.flags,
         loading=loading(track),
         vehicle=vehicle.name,
+        distance_deviation=places,
     )
     return Estimate(
         with_provenance(profile, "; ".join([step, *notes])),

@@ -1,8 +1,9 @@
 """A profile as a table, in CSV or Parquet.
 
 Columns: ``distance_m``, ``elevation_m`` and, where known, ``standard_deviation_m``, the same per
-band (``standard_deviation_D1_m`` ...) and ``quality``; others are not read. A table has no place
-for the attributes: what it holds is a posterior if it has a standard deviation, else a point.
+band (``standard_deviation_D1_m`` ...), ``distance_deviation_m`` and ``quality``; others are not read.
+A table has no place for the attributes: what it holds is a posterior if it has a standard deviation,
+else a point.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 import xarray as xr
 
 from trackprofile.contracts import Quality, build_profile
+from trackprofile.contracts.rows import DEVIATION
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import SUFFIXES as SUFFIXES
@@ -36,7 +38,8 @@ def read(path: Path) -> xr.Dataset:
     band_columns = {
         match[1]: name for name in names if (match := re.fullmatch(f"{_SPREAD}_(.+)_m", name))
     }
-    optional = [name for name in (f"{_SPREAD}_m", "quality") if name in names]
+    known = (f"{_SPREAD}_m", f"{DEVIATION}_m", "quality")
+    optional = [name for name in known if name in names]
     wanted = ["distance_m", "elevation_m", *optional, *band_columns.values()]
     table = read_columns(path, wanted)
     spread = table.get(f"{_SPREAD}_m")
@@ -49,12 +52,14 @@ def read(path: Path) -> xr.Dataset:
             band_standard_deviations={band: table[name] for band, name in band_columns.items()},
             quality=_flags(table["quality"]) if "quality" in table else None,
             provenance=[f"read from {path.name}"],
+            distance_deviation=table.get(f"{DEVIATION}_m"),
         )
 
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
     """Write the profile's variables; its attributes are lost."""
     names = ["distance", "elevation", *(str(name) for name in dataset if _SPREAD in str(name))]
+    names += [DEVIATION] if DEVIATION in dataset else []
     columns = {f"{name}_m": dataset[name].to_numpy() for name in names}
     with whole_files(path) as (file,):
         write_columns(file, columns | {"quality": dataset["quality"].to_numpy()})
