@@ -8,9 +8,10 @@ import uuid
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from pathlib import Path
 
+import fsspec
 import numpy as np
 import pytest
 import xarray as xr
@@ -36,6 +37,7 @@ from trackprofile.location import Way
 from trackprofile.store import Entry, Origin, Place, Store
 from trackprofile.store.columns import profile_columns
 from trackprofile.store.entry import document, entry_id, parsed
+from trackprofile.store.files import RemoteFiles
 from trackprofile.store.layout import ENTRIES
 
 DAY = date(2026, 5, 1)
@@ -405,6 +407,11 @@ def test_a_name_that_no_path_can_hold_is_refused(line: str, said: str) -> None:
         Place(line, "up", DAY)
 
 
+def test_a_time_is_no_day() -> None:
+    with pytest.raises(DataError, match="its time is its run"):
+        Place("Main", "up", datetime(2026, 5, 1, 6, 12))
+
+
 def test_a_recording_is_named_by_a_whole_hash() -> None:
     with pytest.raises(DataError, match="64 hexadecimal digits, got 'abc'"):
         Origin("abc")
@@ -575,6 +582,24 @@ def test_a_store_of_another_schema_is_left_alone(tmp_path: Path, content: str, s
         with pytest.raises(FileError, match=said):
             opened(str(tmp_path))
     assert tree(tmp_path) == {"store.json": content.encode()}
+
+
+def test_any_file_system_of_fsspec_holds_what_a_folder_does(
+    tmp_path: Path, profile: xr.Dataset
+) -> None:
+    here = stores.create(str(tmp_path / "here"))
+    there = stores.create(str(tmp_path / "there"))
+    there = replace(there, files=RemoteFiles(fsspec.filesystem("file"), str(tmp_path / "there")))
+    entries = [stored(store, profile).entry for store in (here, there)]
+    assert [stores.build_index(store) for store in (here, there)] == [stores.build_index(here)] * 2
+    assert tree(tmp_path / "here") == tree(tmp_path / "there")
+    assert stores.find(there) == (entries[0],)
+    assert stores.read_profile(there, entries[1], 100.0, 200.0).sizes["distance"] == 401
+    there.files.put(entries[1].path("profiles"), b"half")
+    there.files.put(entries[1].path("profiles").replace("line=", "line=other-"), b"nobody's")
+    assert len(stores.verify(there)) == 2
+    assert stores.tidy(there) == ()
+    assert len(stores.tidy(there, timedelta(0))) == 1
 
 
 def test_a_missing_library_is_named_with_its_remedy(
