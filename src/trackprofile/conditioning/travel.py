@@ -131,17 +131,21 @@ class Travel:
 
 
 def travel(
-    readings: Sequence[Readings], stands: Sequence[Stand], assumed: Assumed, span: Stand
+    readings: Sequence[Readings],
+    stands: Sequence[Stand],
+    dead: Sequence[Stand],
+    assumed: Assumed,
+    span: Stand,
 ) -> Travel:
     """Smooth all readings, weigh down what disagrees, and again until nothing changes.
 
     Parameters
     ----------
     readings : of each source at most one
-    stands : from when to when the train stood, s
+    stands, dead : from when to when the train stood, and its wheel said nothing, s
     span : first and last time that are asked for, s
     """
-    rows = rows_of(readings, stands, span)
+    rows = rows_of(readings, stands, dead, span)
     weights = Weights(
         dict.fromkeys(Source, 1.0),
         np.zeros(len(rows.value)),
@@ -217,10 +221,12 @@ def _jumps(weights: Weights, rows: Rows, found: Smoothed) -> tuple[Array, Array]
         score, precision = found.score[:, place, 0], found.precision[:, place]
         known = precision > LEAST_TOLD * np.max(precision, initial=0.0)
         precise = np.where(known, precision, 1.0)
-        shown, without = np.square(score / precise), np.maximum(1.0 / precise - variance, 0.0)
-        far[place] = np.where(known, shown / without, 0.0)
+        shown, without = np.square(score / precise), 1.0 / precise - variance
+        known &= without > LEAST_TOLD / precise
+        far[place] = np.where(known, shown, 0.0) / np.where(known, without, 1.0)
         size[place] = np.maximum(shown - without, 0.0)
     far[A][size[A] > SUDDEN**2] = 0.0
+    far[SLIP][rows.lost] = 0.0
     slip = weights.slip.copy()
     jerk = np.where(weights.jerk > 0.0, size[A], 0.0)
     clear = np.maximum(far[SLIP], far[A]) * (weights.slip == 0.0) * (weights.jerk == 0.0)

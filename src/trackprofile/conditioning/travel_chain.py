@@ -30,8 +30,9 @@ Q, V, A, SLIP, D, SCALE, WANDER, ORIGIN = range(8)
 GRID = 1.0
 """s between nodes at most."""
 
-FAR = 300.0
-"""m: standard deviation of where the train begins, about where its sources say it does."""
+FAR = 1000.0
+"""m: standard deviation of where the train begins, about where its sources say it does, and of what a wheel that says
+nothing does not count."""
 
 FASTEST = 30.0
 """m/s: standard deviation of the speed at the start."""
@@ -103,7 +104,7 @@ class Assumed:
 class Rows:
     """All readings of a ride in the order of time, (rows,) each, at nodes ``time``, (n,) in s.
 
-    ``stops`` says of each step whether a train stops or starts in it.
+    Of each step, ``stops`` says whether a train stops or starts in it, ``lost`` whether its wheel says nothing.
     """
 
     time: Array
@@ -113,24 +114,33 @@ class Rows:
     variance: Array
     stated: Mask
     stops: Mask
+    lost: Mask
 
     def of(self, source: Source) -> Mask:
         """Which rows are of that source."""
         return self.source == source
 
 
-def rows_of(readings: Sequence[Readings], stands: Sequence[Stand], span: Stand) -> Rows:
-    """All readings, with those of a train that stands, on nodes over a span of time, s."""
+def rows_of(
+    readings: Sequence[Readings], stands: Sequence[Stand], dead: Sequence[Stand], span: Stand
+) -> Rows:
+    """All readings, with those of a train that stands, on nodes over a span of time, s.
+
+    ``dead`` : from when to when its wheel says nothing
+    """
     times = [one.time for one in readings]
     begin = min(span[0], *(float(t[0]) for t in times if len(t)))
     end = max(span[1], *(float(t[-1]) for t in times if len(t)))
     grid = np.linspace(begin, end, max(2, 1 + int(np.ceil((end - begin) / GRID))))
     time = np.unique(np.concatenate([grid, *times]))
-    still, stops = np.zeros(len(time), bool), np.zeros(len(time) - 1, bool)
+    still = np.zeros(len(time), bool)
+    stops, lost = np.zeros(len(time) - 1, bool), np.zeros(len(time) - 1, bool)
     for ends in stands:
         still |= (time >= ends[0]) & (time <= ends[1])
         for at in ends:
             stops |= (time[1:] > at - GRID) & (time[:-1] < at + GRID)
+    for begin_, end_ in dead:
+        lost |= (time[1:] > begin_) & (time[:-1] < end_)
     count = np.count_nonzero(still)
     standing = Readings(Source.STANDING, time[still], np.zeros(count), np.full(count, STANDING**2))
     readings = [*readings, standing]
@@ -142,7 +152,7 @@ def rows_of(readings: Sequence[Readings], stands: Sequence[Stand], span: Stand) 
     )
     stated = np.concatenate([np.full(len(one.time), one.stated) for one in readings])
     return Rows(
-        time, source[order], node[order], value[order], variance[order], stated[order], stops
+        time, source[order], node[order], value[order], variance[order], stated[order], stops, lost
     )
 
 
@@ -160,7 +170,7 @@ def chain_of(
     F, noise = _steps(dt, run, assumed)
     if assumed.own_line:
         noise[:, ORIGIN, ORIGIN] = BENT**2 * dt + _unseen(rows, run)
-    noise[:, SLIP, SLIP] += slip
+    noise[:, SLIP, SLIP] += slip + FAR**2 * rows.lost
     noise[:, A, A] += jerk + HARDEST**2 * np.minimum(dt / GRID, 1.0) * rows.stops
     values, h = rows.value.copy(), np.zeros((len(rows.node), 8))
     for source, reads in _READS.items():

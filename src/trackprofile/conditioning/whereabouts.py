@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import runs
 from trackprofile.conditioning.faults import ClockFault
-from trackprofile.conditioning.placing import Placed, placed, run_of
+from trackprofile.conditioning.placing import AROUND, Placed, placed, run_of
 from trackprofile.conditioning.readings import (
-    CREEP,
     STILL,
     Readings,
     Source,
@@ -25,11 +24,17 @@ from trackprofile.conditioning.readings import (
     stands_of_speed,
 )
 from trackprofile.conditioning.sources import Sources
-from trackprofile.conditioning.travel import Travel, travel
+from trackprofile.conditioning.travel import BEYOND, Travel, travel
 from trackprofile.conditioning.travel_chain import COMMON, FAR, Assumed
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
+
+WALKING = 1.0
+"""m/s: below, positions alone do not tell a train from one that stands."""
+
+BRAKING = 2.0
+"""s in which a train comes to rest from there."""
 
 TOLD = 0.3
 """Share of what was known of a wheel's scale before, below which positions have told it."""
@@ -78,10 +83,10 @@ def whereabouts(sources: Sources, time: Array) -> Whereabouts:
         )
     assumed = _assumed(sources, places, readings)
     span = (float(time[0]), float(time[-1]))
-    found = travel(readings, stands, assumed, span)
+    found = travel(readings, stands, dead, assumed, span)
     if not moves:
         stands = _slow(found)
-        found = travel(readings, stands, assumed, span) if stands else found
+        found = travel(readings, stands, dead, assumed, span) if stands else found
     distance, speed = _at(found, time, stands)
     if not assumed.begin_deviation or (assumed.own_line and assumed.anchored):
         distance = distance - distance[0]
@@ -151,7 +156,7 @@ def _assumed(sources: Sources, places: Placed, readings: Sequence[Readings]) -> 
     if anchor is not None:
         run = run_of(readings)
         since = np.interp(anchor.time, *run) if run else anchor.value - anchor.value[0]
-        begin = float(np.median(anchor.value - since))
+        begin = float(np.median((anchor.value - since)[:AROUND]))
     return Assumed(
         scale_deviation=min(wheels, default=0.0),
         begin=begin,
@@ -164,10 +169,14 @@ def _assumed(sources: Sources, places: Placed, readings: Sequence[Readings]) -> 
 
 
 def _slow(found: Travel) -> list[Stand]:
-    """When a train stood of which only positions are known, s."""
-    slow = found.speed < CREEP
-    pieces = [(float(found.time[run.start]), float(found.time[run.stop - 1])) for run in runs(slow)]
-    return [(a + 1.0, b - 1.0) for a, b in pieces if b - a > STILL + 2.0]
+    """When a train stood of which only positions are known, s: slow, for longer than it would take to get anywhere."""
+    stands = []
+    for run in runs(found.speed < WALKING):
+        begin, end = found.time[run.start] + BRAKING, found.time[run.stop - 1] - BRAKING
+        went = np.ptp(found.distance[run])
+        if end - begin > STILL and went < BEYOND * float(np.median(found.deviation[run])):
+            stands.append((float(begin), float(end)))
+    return stands
 
 
 def _at(found: Travel, time: Array, stands: Sequence[Stand]) -> tuple[Array, Array]:
