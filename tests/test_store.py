@@ -123,6 +123,14 @@ def test_both_rails_come_back_beside_their_mean(store: Store, profile: xr.Datase
     assert drawn.deviation.max() == pytest.approx(1e-4, rel=2.0**-11)
 
 
+def test_an_attribute_that_no_file_can_hold_is_refused(store: Store, profile: xr.Dataset) -> None:
+    with pytest.raises(DataError, match="Attribute 'when': expected text or numbers"):
+        stored(store, profile.assign_attrs(when=DAY))
+    numbers = profile.assign_attrs(count=np.int64(3), places=np.array([1.5, 2.5]), sure=True)
+    back = stores.read_profile(store, stored(store, numbers).entry)
+    assert (back.attrs["count"], back.attrs["places"], back.attrs["sure"]) == (3, [1.5, 2.5], True)
+
+
 def test_what_no_column_can_hold_is_refused(store: Store, profile: xr.Dataset) -> None:
     strange = profile.assign(speed=profile["elevation"].assign_attrs(units="m/s"))
     with pytest.raises(
