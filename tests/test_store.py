@@ -8,9 +8,10 @@ import uuid
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from pathlib import Path
 
+import fsspec
 import numpy as np
 import pytest
 import xarray as xr
@@ -21,13 +22,22 @@ from network import SPEED, Network, fill
 from trackprofile import store as stores
 from trackprofile.assessment.assess import Assessment, assess
 from trackprofile.bands import BANDS, band_pass_pieces
-from trackprofile.contracts import Quality, build_profile, fingerprint
+from trackprofile.contracts import (
+    Quality,
+    Rail,
+    RailLevel,
+    build_profile,
+    fingerprint,
+    rails_of,
+    with_rails,
+)
 from trackprofile.errors import DataError, FileError
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.location import Way
 from trackprofile.store import Entry, Origin, Place, Store
 from trackprofile.store.columns import profile_columns
 from trackprofile.store.entry import document, entry_id, parsed
+from trackprofile.store.files import RemoteFiles
 from trackprofile.store.layout import ENTRIES
 
 DAY = date(2026, 5, 1)
@@ -88,6 +98,37 @@ def test_a_profile_comes_back_as_exactly_as_is_stated(store: Store, profile: xr.
     np.testing.assert_allclose(back["elevation"], profile["elevation"], rtol=0, atol=2.0**-24)
     for name in ("standard_deviation", "standard_deviation_D1", "standard_deviation_D3"):
         np.testing.assert_allclose(back[name], profile[name], rtol=2.0**-11)
+
+
+def test_both_rails_come_back_beside_their_mean(store: Store, profile: xr.Dataset) -> None:
+    side = 1e-3 * np.sin(profile["distance"] / 3)
+    spread = np.full(side.size, 1e-4)
+    known = profile["elevation"].fillna(0.0)
+    apart = with_rails(
+        profile.assign(quality=0 * profile["quality"], elevation=known.assign_attrs(units="m")),
+        {
+            Rail.LEFT: RailLevel(known + side, spread, {"D1": spread / 2}),
+            Rail.RIGHT: RailLevel(known - side, spread),
+        },
+    )
+    entry = stored(store, apart).entry
+    back = stores.read_profile(store, entry)
+    assert list(back.variables) == list(apart.variables)
+    for name in apart.data_vars:
+        np.testing.assert_allclose(back[name], apart[name], rtol=2.0**-11, atol=2.0**-24)
+        assert back[name].dtype == apart[name].dtype
+    assert rails_of(back) == tuple(Rail)
+    drawn = stores.strip(store, entry, "elevation_left", 0.0, 600.0, 40)
+    assert drawn.low.min() == back["elevation_left"].min()
+    assert drawn.deviation.max() == pytest.approx(1e-4, rel=2.0**-11)
+
+
+def test_what_no_column_can_hold_is_refused(store: Store, profile: xr.Dataset) -> None:
+    strange = profile.assign(speed=profile["elevation"].assign_attrs(units="m/s"))
+    with pytest.raises(
+        DataError, match="speed: a store keeps what is in metres along a profile, and flags"
+    ):
+        stored(store, strange)
 
 
 @given(seed=st.integers(0, 2**32 - 1), scale=st.floats(1e-9, 1e5), begin=st.floats(-1e6, 1e6))
@@ -366,6 +407,11 @@ def test_a_name_that_no_path_can_hold_is_refused(line: str, said: str) -> None:
         Place(line, "up", DAY)
 
 
+def test_a_time_is_no_day() -> None:
+    with pytest.raises(DataError, match="its time is its run"):
+        Place("Main", "up", datetime(2026, 5, 1, 6, 12))
+
+
 def test_a_recording_is_named_by_a_whole_hash() -> None:
     with pytest.raises(DataError, match="64 hexadecimal digits, got 'abc'"):
         Origin("abc")
@@ -536,6 +582,24 @@ def test_a_store_of_another_schema_is_left_alone(tmp_path: Path, content: str, s
         with pytest.raises(FileError, match=said):
             opened(str(tmp_path))
     assert tree(tmp_path) == {"store.json": content.encode()}
+
+
+def test_any_file_system_of_fsspec_holds_what_a_folder_does(
+    tmp_path: Path, profile: xr.Dataset
+) -> None:
+    here = stores.create(str(tmp_path / "here"))
+    there = stores.create(str(tmp_path / "there"))
+    there = replace(there, files=RemoteFiles(fsspec.filesystem("file"), str(tmp_path / "there")))
+    entries = [stored(store, profile).entry for store in (here, there)]
+    assert [stores.build_index(store) for store in (here, there)] == [stores.build_index(here)] * 2
+    assert tree(tmp_path / "here") == tree(tmp_path / "there")
+    assert stores.find(there) == (entries[0],)
+    assert stores.read_profile(there, entries[1], 100.0, 200.0).sizes["distance"] == 401
+    there.files.put(entries[1].path("profiles"), b"half")
+    there.files.put(entries[1].path("profiles").replace("line=", "line=other-"), b"nobody's")
+    assert len(stores.verify(there)) == 2
+    assert stores.tidy(there) == ()
+    assert len(stores.tidy(there, timedelta(0))) == 1
 
 
 def test_a_missing_library_is_named_with_its_remedy(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import build_profile, with_provenance
 from trackprofile.errors import DataError, FileError
-from trackprofile.store.columns import ATTRIBUTES, SPREAD
+from trackprofile.store.columns import ATTRIBUTES, LEVEL, SPREAD
 from trackprofile.store.entry import Entry
 from trackprofile.store.layout import PROFILES, TABLES
 from trackprofile.store.room import Store
@@ -68,21 +69,7 @@ def read_profile(
             f"Between {low:g} m and {high:g} m there are {columns['distance_m'].size} points of a pass from "
             f"{entry.start:g} m to {entry.end:g} m; choose a stretch inside it."
         )
-    attributes = about["attributes"]
-    bands = [
-        name.removeprefix(f"{SPREAD}_").removesuffix("_m")
-        for name in columns
-        if name.startswith(f"{SPREAD}_") and name != f"{SPREAD}_m"
-    ]
-    profile = build_profile(
-        columns["distance_m"],
-        columns["elevation_m"],
-        kind=attributes["kind"],
-        standard_deviation=columns.get(f"{SPREAD}_m"),
-        band_standard_deviations={band: columns[f"{SPREAD}_{band}_m"] for band in bands},
-        quality=columns["quality"],
-        loading=attributes["loading"],
-    ).assign_attrs(attributes)
+    profile = _dataset(columns, about["attributes"])
     if start is None and end is None:
         return profile
     return with_provenance(profile, f"between {low:g} m and {high:g} m")
@@ -189,7 +176,7 @@ def _rows(
         if table == PROFILES and file.metadata.num_rows != entry.points:
             raise FileError(f"{store.url}: {entry.path(table)} is of another pass; {_REMEDY}.")
         if names is None:
-            names = [name for name in there if not name.startswith("level_")]
+            names = [name for name in there if not name.startswith(LEVEL)]
         names = list(dict.fromkeys(("distance_m", *names)))
         lacking = [name for name in names if name not in there and name not in optional]
         if lacking:
@@ -203,6 +190,33 @@ def _rows(
         np.searchsorted(distance, start, "left"), np.searchsorted(distance, end, "right")
     )
     return {name: values[inside] for name, values in columns.items()}, about
+
+
+def _dataset(columns: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> xr.Dataset:
+    """The profile contract from its columns: of the mean, and of each rail where they are told apart."""
+    bands = {
+        found[1]: values
+        for name, values in columns.items()
+        if (found := re.fullmatch(f"{SPREAD}_(.+)_m", name))
+    }
+    profile = build_profile(
+        columns["distance_m"],
+        columns["elevation_m"],
+        kind=attributes["kind"],
+        standard_deviation=columns.get(f"{SPREAD}_m"),
+        band_standard_deviations=bands,
+        quality=columns["quality"],
+        loading=attributes["loading"],
+    ).assign_attrs(attributes)
+    flags, metre = profile["quality"].attrs, {"units": "m"}
+    for column, values in columns.items():
+        name = column.removesuffix("_m")
+        if name not in profile.variables:
+            about, values = (
+                (flags, values) if name == column else (metre, values.astype(np.float64))
+            )
+            profile[name] = ("distance", values, about)
+    return profile
 
 
 def _groups(file: parquet.ParquetFile, start: float, end: float) -> list[int]:
