@@ -137,7 +137,8 @@ def bring(job: Job) -> Outcome:
         state, entry = _brought(job)
         reason = ""
     except TrackprofileError as error:
-        state, entry, reason = State.FAILED, None, " ".join(str(error).split())
+        said = " ".join(str(error).split())
+        state, entry, reason = State.FAILED, None, said.removeprefix(f"{job.row.file}: ")
     return Outcome(
         job.row, state, reason, entry, time.perf_counter() - wall, time.process_time() - cpu
     )
