@@ -15,6 +15,7 @@ from trackprofile.demo import simulated
 from trackprofile.flicker import HIGHEST, LOWEST, processes
 from trackprofile.inference.estimate import estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.receptance import point_track
 from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
 
 ALONE = Sensor("a", VERTICAL_ACCELERATION, "body", noise_density=1e-9, drift=0.0, flicker=1e-3)
@@ -66,17 +67,15 @@ def test_no_more_than_a_process_to_a_decade_and_none_where_it_drowns(
 
 def test_flicker_that_is_not_stated_or_drowns_changes_nothing_to_the_last_bit() -> None:
     vehicle, prior = read_vehicle("velaro")[0], read_spectrum("german-low")
-    recording, _ = simulated(
-        vehicle, read_track("zhai"), read_sensors("bogie-25ug"), prior, 60.0, 1
-    )
+    track = point_track(read_track("zhai"))
+    recording, _ = simulated(vehicle, track, read_sensors("bogie-25ug"), prior, 60.0, 1)
     drowned = build_recording(
         [replace(one, flicker=1e-3 * (one.noise_density or 0.0)) for one in channels(recording)],
         time=recording["time"].to_numpy(),
         speed=recording["speed"].to_numpy(),
     )
     one, other = (
-        estimate(each, vehicle, track=read_track("zhai"), prior=prior, draws=4)
-        for each in (recording, drowned)
+        estimate(each, vehicle, track=track, prior=prior, draws=4) for each in (recording, drowned)
     )
     for name in one.profile.data_vars:
         np.testing.assert_array_equal(one.profile[name], other.profile[name])
