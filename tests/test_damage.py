@@ -248,6 +248,8 @@ def check(rows: list[Row]) -> None:
         one = next((d for d in DAMAGES if d.name == row.name), Damage("none"))
         if one.refused:
             continue
+        if one.harmed is not None:
+            assert row.marked > 0.1, (row.name, "flagged")
         for band in ("D1", "D2"):
             if not one.everywhere:
                 assert row.growth[band] < 1.1, (row.name, band, "outside")

@@ -32,6 +32,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
     "mass": {"kg": 1.0, "t": 1e3},
     "inertia": {"kg m²": 1.0, "t m²": 1e3},
     "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6},
+    "rotational stiffness": {"N m/rad": 1.0, "kN m/rad": 1e3, "MN m/rad": 1e6},
     "bending stiffness": {"N m²": 1.0, "kN m²": 1e3, "MN m²": 1e6},
     "mass per length": {"kg/m": 1.0},
     "damping": {"N s/m": 1.0, "kN s/m": 1e3},

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import date
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from trackprofile.errors import FileError
+from trackprofile.errors import DataError, FileError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,6 +29,28 @@ RequiredVehicle = Annotated[
 ]
 
 
+class RailName(StrEnum):
+    """Of a profile that tells both rails apart."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    MEAN = "mean"
+    DIFFERENCE = "difference"
+
+
+class JudgedRail(StrEnum):
+    """Those that have a longitudinal level."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    MEAN = "mean"
+
+
+RailOf = Annotated[
+    JudgedRail | None, typer.Option("--rail", help="Of a profile per rail; without, the mean.")
+]
+
+
 def read_as(path: Path, kind: str) -> xr.Dataset:
     """The recording or profile in a file; FileError where it is the other."""
     from trackprofile.io import read
@@ -36,3 +60,11 @@ def read_as(path: Path, kind: str) -> xr.Dataset:
     if found != kind:
         raise FileError(f"{path}: expected a {kind}, this is a {found}; give the right file.")
     return dataset
+
+
+def day_of(text: str) -> date:
+    """A day, as ISO 8601 writes it."""
+    try:
+        return date.fromisoformat(text)
+    except ValueError as error:
+        raise DataError(f"{text!r}: expected a day such as 2026-05-31.") from error

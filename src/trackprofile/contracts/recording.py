@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from trackprofile.errors import DataError
 QUANTITIES: Mapping[str, tuple[str, str]] = {
     "vertical acceleration": ("m/s2", "acceleration"),
     "pitch rate": ("rad/s", "angular rate"),
+    "roll rate": ("rad/s", "angular rate"),
 }
 """What a channel may measure: its SI unit, and its dimension in `trackprofile.units`."""
 
@@ -38,6 +39,9 @@ FIRST, LAST = ENDS = ("first", "last")
 
 HARDEST_BRAKING = 3.0
 """Above what any train's brakes do [m/s²]; emergency brakes of trams reach it."""
+
+NUMBERS = ("noise_density", "bandwidth", "flicker")
+"""What a channel may state of itself, each above zero."""
 
 _MOTION_UNITS = {"time": "s", "distance": "m", "speed": "m/s"}
 
@@ -53,9 +57,11 @@ class Channel:
     quantity : a key of `QUANTITIES`
     body : the vehicle's body that carries the sensor
     position : ahead of that body's centre [m]
+    lateral : to the left of that body's middle [m]
     noise_density : one-sided, in the channel's unit per √Hz; None if not known
     valid : (samples,), False where the sample is not to be used; None if all are good
     bandwidth : where the sensor's own filter cuts off [Hz]; None if the sampling sets it
+    flicker : root of the one-sided density of the 1/f noise at 1 Hz, in the channel's unit per √Hz; None if not known
     """
 
     name: str
@@ -63,9 +69,11 @@ class Channel:
     quantity: str
     body: str
     position: float
+    lateral: float = field(default=0.0, kw_only=True)
     noise_density: float | None = None
     valid: NDArray[np.bool_] | None = None
     bandwidth: float | None = None
+    flicker: float | None = None
 
 
 def build_recording(
@@ -150,9 +158,11 @@ def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
             quantity=variable.attrs["quantity"],
             body=variable.attrs["body"],
             position=float(variable.attrs["position"]),
+            lateral=float(variable.attrs.get("lateral", 0.0)),
             noise_density=_optional(variable.attrs.get("noise_density")),
             valid=flags_of(recording, f"{name}_valid", "sample").astype(bool),
             bandwidth=_optional(variable.attrs.get("bandwidth")),
+            flicker=_optional(variable.attrs.get("flicker")),
         )
         for name, variable in recording.data_vars.items()
         if "quantity" in variable.attrs
@@ -230,7 +240,9 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
         "body": channel.body,
         "position": float(channel.position),
     }
-    for optional in ("noise_density", "bandwidth"):
+    if channel.lateral:
+        attributes["lateral"] = float(channel.lateral)
+    for optional in NUMBERS:
         if (number := getattr(channel, optional)) is not None:
             attributes[optional] = float(number)
     put(dataset, name, "sample", channel.values, attributes)
@@ -294,7 +306,11 @@ def _check_channel(name: str, recording: xr.Dataset) -> None:
     body = attributes.get("body")
     if not (isinstance(body, str) and body and np.isfinite(number_in(attributes, "position"))):
         raise DataError(f"Channel {name!r}: expected the body it is on, and a position on it in m.")
-    for optional in ("noise_density", "bandwidth"):
+    if not np.isfinite(number_in({"lateral": 0.0} | attributes, "lateral")):
+        raise DataError(
+            f"Channel {name!r}: expected a lateral position in m, positive to the left."
+        )
+    for optional in NUMBERS:
         number = number_in({optional: 1.0} | attributes, optional)
         if not 0 < number < np.inf:
             raise DataError(f"Channel {name!r}: expected a {optional} above zero, got {number:g}.")

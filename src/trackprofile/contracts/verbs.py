@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 
 import numpy as np
 import xarray as xr
 
-from trackprofile.contracts.profile import validate_profile
+from trackprofile.contracts.rails import validate_rails
 from trackprofile.contracts.recording import validate_recording
 from trackprofile.contracts.rows import Array, said, steps_of
 from trackprofile.errors import DataError
@@ -20,7 +21,7 @@ def validated(dataset: xr.Dataset) -> xr.Dataset:
     ------
     DataError : it names neither, or see `validate_recording` and `validate_profile`.
     """
-    checks = {"recording": validate_recording, "profile": validate_profile}
+    checks = {"recording": validate_recording, "profile": validate_rails}
     kind = said(dataset.attrs, "kind_of_data")
     if kind is None or kind not in checks:
         raise DataError(
@@ -40,6 +41,27 @@ def with_provenance(dataset: xr.Dataset, step: str) -> xr.Dataset:
     """
     steps = [*steps_of(dataset), step]
     return dataset.assign_attrs(provenance=json.dumps(steps, ensure_ascii=False))
+
+
+def fingerprint(dataset: xr.Dataset) -> str:
+    """What tells a recording or profile from all others: the SHA-256 of its numbers, 64 hexadecimal digits.
+
+    Where it was read from, what it is called and what is said about it make no difference.
+
+    Examples
+    --------
+    >>> from trackprofile.contracts import build_profile
+    >>> one, other = (build_profile([0, 1], [0, end], kind="truth") for end in (1e-3, 2e-3))
+    >>> fingerprint(one) == fingerprint(with_provenance(one, "copied")), fingerprint(one) == fingerprint(other)
+    (True, False)
+    """
+    seal = hashlib.sha256()
+    for name, variable in sorted(dataset.variables.items(), key=lambda one: str(one[0])):
+        values = np.ascontiguousarray(variable.to_numpy())
+        values = values.astype(values.dtype.newbyteorder("<"))
+        seal.update(json.dumps([str(name), values.dtype.str, values.shape]).encode())
+        seal.update(values.data)
+    return seal.hexdigest()
 
 
 def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr.Dataset:

@@ -165,10 +165,10 @@ def _mounted(parts: Sequence[Channel], upright: Sequence[Upright], count: int) -
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
     for sensor in calibrated:
         if (sensor.quantity, sensor.body) == (channel.quantity, channel.body):
-            return replace(sensor, name=channel.name)
+            return replace(sensor, name=channel.name, lateral=channel.lateral)
     return Sensor(
         channel.name, channel.quantity, channel.body, channel.position, channel.noise_density,
-        bandwidth=channel.bandwidth,
+        bandwidth=channel.bandwidth, flicker=channel.flicker, lateral=channel.lateral,
     )  # fmt: skip
 
 
@@ -308,7 +308,7 @@ def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> F
 
 
 def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> Start:
-    """The prior of the first state, with the spread of unmodelled accelerations, low-passes, residuals, offsets."""
+    """The prior of the first state, with the spread of unmodelled accelerations, filters, flicker and offsets."""
     loud = loudness(data)
     most = float(np.max(local_loudness(data, loud)))
     residuals = [
@@ -322,7 +322,7 @@ def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> St
     filters += [most * float(value) for value in residuals if value]
     filters += [float(value) for value in low_passes if value]
     offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
-    others = np.array([*np.repeat(filters, FILTER_STATES), *offsets])
+    others = np.array([*np.repeat(filters, FILTER_STATES), *np.sqrt(system.flicker), *offsets])
     return start_of_ride(system, model.spectrum, ride, others)
 
 

@@ -15,6 +15,7 @@ from trackprofile.inference.doubted import said
 from trackprofile.inference.facing import expect_as_described
 from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import Measured, measured
+from trackprofile.inference.rails import mean_alone
 from trackprofile.sensor import Installation
 from trackprofile.vehicle import Vehicle
 
@@ -59,7 +60,7 @@ def passes_of(
     """
     for one in recordings:
         expect_as_described(one, "a calibration")
-    data = [measured(one, installation) for one in recordings]
+    data = [mean_alone(measured(one, installation), vehicle, installation) for one in recordings]
     for i, one in enumerate(data[1:], start=2):
         _expect_same_sensors(data[0], one, i)
     notes = [

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from trackprofile.conditioning.faults import Fault, FaultKind
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured
-from trackprofile.sensor import PITCH_RATE, Sensor
+from trackprofile.roll import RollingVehicle
+from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.statespace import state_space, transfer_function
 from trackprofile.track import PointTrack
 from trackprofile.vehicle import Vehicle, turned_round
@@ -76,10 +77,12 @@ def rewired(data: Measured, vehicle: Vehicle, track: PointTrack) -> Measured:
     spectra = list(_spectra(data)) if count > 1 else []
     if not spectra:
         return data
-    as_it_is, *others = _wirings(data)
+    # Which end leads the mean of both rails tells; what rolls follows it.
+    as_it_is, *others = _wirings(data, turnable=not isinstance(vehicle, RollingVehicle))
     pairs = {False: _pairs(spectra, vehicle, track, data.sensors)}
-    turned = turned_sensors(data).sensors
-    pairs[True] = _pairs(spectra, turned_round(vehicle), track, turned)
+    if others[0].turned:
+        turned = turned_sensors(data).sensors
+        pairs[True] = _pairs(spectra, turned_round(vehicle), track, turned)
     frequencies = sum(len(y) for y, _ in pairs[False])
     here = _log_likelihood(pairs[False], as_it_is)
     gains = [_log_likelihood(pairs[one.turned], one) - here for one in others]
@@ -98,15 +101,18 @@ def rewired(data: Measured, vehicle: Vehicle, track: PointTrack) -> Measured:
 
 
 def turned_sensors(data: Measured) -> Measured:
-    """The same, measured on the vehicle turned round: what was ahead is behind, what was nose-up is nose-down."""
-    sensors = tuple(replace(one, position=-one.position, tilt=-one.tilt) for one in data.sensors)
+    """The same, on the vehicle turned round: what was ahead is behind, left is right, nose-up is nose-down."""
+    sensors = tuple(
+        replace(one, position=-one.position, lateral=-one.lateral, tilt=-one.tilt)
+        for one in data.sensors
+    )
     sign = np.array(_nose_down(data), dtype=np.float64)
     return replace(data, sensors=sensors, signals=data.signals * sign, turned=not data.turned)
 
 
 def _nose_down(data: Measured) -> tuple[int, ...]:
     """The sign of what each sensor reads on the vehicle turned round."""
-    return tuple(-1 if one.quantity == PITCH_RATE else 1 for one in data.sensors)
+    return tuple(-1 if one.quantity in {PITCH_RATE, ROLL_RATE} else 1 for one in data.sensors)
 
 
 def _pairs(
@@ -118,11 +124,13 @@ def _pairs(
     return [(y, transfer_function(system, 2 * np.pi * f / speed, speed)) for f, y, speed in spectra]
 
 
-def _wirings(data: Measured) -> list[Wiring]:
+def _wirings(data: Measured, *, turnable: bool) -> list[Wiring]:
     """As it is, the vehicle turned, one sign turned that gravity does not tell, or two channels exchanged."""
     count = len(data.sensors)
     straight, plus = tuple(range(count)), (1,) * count
-    found = [Wiring(straight, plus), Wiring(straight, _nose_down(data), turned=True)]
+    found = [Wiring(straight, plus)]
+    if turnable:
+        found.append(Wiring(straight, _nose_down(data), turned=True))
     told = data.by_gravity or (False,) * count
     for i in (i for i in range(count) if not told[i]):
         found.append(Wiring(straight, tuple(-1 if j == i else 1 for j in range(count))))

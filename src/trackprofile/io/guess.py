@@ -30,8 +30,9 @@ class Role(StrEnum):
     POST = "kilometre posts"
     VERTICAL = "vertical acceleration"
     PITCH = "pitch rate"
+    ROLL = "roll rate"
     ACCELERATION = "acceleration, not vertical"
-    RATE = "rate, not of pitch"
+    RATE = "rate, of neither pitch nor roll"
     OTHER = "other"
 
 
@@ -45,7 +46,11 @@ DIMENSIONS: Mapping[Role, str] = {
     Role.POST: "length",
     Role.VERTICAL: "acceleration",
     Role.PITCH: "angular rate",
+    Role.ROLL: "angular rate",
 }
+
+SENSORS = (Role.VERTICAL, Role.PITCH, Role.ROLL)
+"""What a recording's channels measure."""
 
 _ACCELERATION = r"acc|beschl|\ba_?[xyz]\b|加速度"
 _ACROSS = "lat|quer|long|längs"
@@ -56,7 +61,8 @@ _NAMES: tuple[tuple[Role, str], ...] = (
     (Role.ACCELERATION, rf"({_ACCELERATION}).*({_ACROSS}|[_ ]?[xy]\b)|({_ACROSS}).*({_ACCELERATION})"),
     (Role.VERTICAL, _ACCELERATION),
     (Role.PITCH, r"pitch|nick|ピッチ"),
-    (Role.RATE, rf"({_RATE}).*(roll|yaw|gier|wank|[_ ]?[xz]\b)|(roll|yaw|gier|wank)"),
+    (Role.RATE, rf"({_RATE}).*(yaw|gier|[_ ]?z\b)|(yaw|gier)"),
+    (Role.ROLL, rf"({_RATE}).*[_ ]?x\b|roll|wank|ロール"),
     (Role.PITCH, _RATE),
     (Role.GNSS_SPEED, rf"({_SATELLITE}).*({_SPEED})|({_SPEED}).*({_SATELLITE})"),
     (Role.SPEED, _SPEED),
@@ -75,6 +81,11 @@ _BODIES = (
     (r"axle|box|wheel|radsatz|achs|軸箱", "wheelset 1"),
 )  # fmt: skip
 
+_LEFT, _RIGHT = r"\b(left|links?|l|li|lh)\b|左", r"\b(right|rechts?|r|re|rh)\b|右"
+
+TO_ONE_SIDE = 1.0
+"""m from the middle, at which a sensor probably is of which only the side is said."""
+
 _DEGREES = {Role.LATITUDE: 90.0, Role.LONGITUDE: 180.0}
 
 PLACED = 0.5
@@ -92,12 +103,14 @@ _LONGEST = 3000.0
 
 @dataclass(frozen=True)
 class Guess:
-    """Role, unit, and the body that carries it; ``sure`` where the file says the unit itself."""
+    """Role, unit, and the body that carries it, how far to the left of its middle; ``sure`` where the file says the
+    unit itself."""
 
     role: Role
     unit: str = ""
     body: str = ""
     sure: bool = False
+    lateral: float = 0.0
 
 
 def guess(heading: Heading, values: Array) -> Guess:
@@ -106,7 +119,7 @@ def guess(heading: Heading, values: Array) -> Guess:
     Examples
     --------
     >>> guess(Heading("Bogie acc z", "g"), np.array([1.0, 1.01]))
-    Guess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True)
+    Guess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True, lateral=0.0)
     >>> guess(Heading("GPS speed"), np.array([0.0, 140.0])).unit
     'km/h'
     """
@@ -126,8 +139,9 @@ def guess(heading: Heading, values: Array) -> Guess:
     if dimension is None:
         return Guess(role, unit)
     sure = _is_of(unit, dimension)
-    body = _body(heading.name) if role in {Role.VERTICAL, Role.PITCH} else ""
-    return Guess(role, unit if sure else _by_values(role, values), body, sure)
+    body = _body(heading.name) if role in SENSORS else ""
+    lateral = _lateral(heading.name) if role is Role.VERTICAL else 0.0
+    return Guess(role, unit if sure else _by_values(role, values), body, sure, lateral)
 
 
 def _by_what_it_holds(role: Role, values: Array) -> Role:
@@ -196,3 +210,10 @@ def _by_values(role: Role, values: Array) -> str:
 def _body(name: str) -> str:
     plain = name.lower()
     return next((body for words, body in _BODIES if re.search(words, plain)), "body")
+
+
+def _lateral(name: str) -> float:
+    """m to the left; 0 where a name says neither side, or both."""
+    plain = re.sub(r"[_./]+", " ", name.lower())
+    left, right = (bool(re.search(words, plain)) for words in (_LEFT, _RIGHT))
+    return TO_ONE_SIDE * (left - right)

@@ -16,7 +16,7 @@ from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files
-from trackprofile.io.guess import STEADY, Guess, Role, guess
+from trackprofile.io.guess import SENSORS, STEADY, Guess, Role, guess
 from trackprofile.io.heading import Heading
 from trackprofile.io.recording_columns import recording_of
 from trackprofile.io.recording_document import Document
@@ -173,7 +173,7 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
             lines.append(("# or: " if number else "") + line + _mark(one))
     lines.append('# vehicle = "velaro"  # a preset, or the TOML of a vehicle beside this file')
     lines += [*satellites, *_by_wheel_and_posts(contents)]
-    sensors = [one for one in contents if one.guess.role in {Role.VERTICAL, Role.PITCH}]
+    sensors = [one for one in contents if one.guess.role in SENSORS]
     for one in sensors:
         lines += [
             "",
@@ -184,6 +184,8 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
             f"body = {toml_document.written(one.guess.body)}  # guessed",
             "position = 0.0  # guessed: m ahead of that body's centre",
         ]
+        if one.guess.lateral:
+            lines.append(f"lateral = {one.guess.lateral}  # guessed: m to the left of its middle")
     rest = [one.heading.name for one in contents if one.guess.role not in _USED]
     if rest:
         lines += ["", "# Not used: " + ", ".join(map(toml_document.written, rest))]
@@ -245,8 +247,7 @@ _USED = {
     Role.GNSS_SPEED,
     Role.PULSES,
     Role.POST,
-    Role.VERTICAL,
-    Role.PITCH,
+    *SENSORS,
 }
 
 

@@ -258,8 +258,10 @@ def _channel(sensor: Sensor, factor: float, values: Mapping[str, Any]) -> Channe
         quantity=sensor.quantity,
         body=sensor.body,
         position=sensor.position,
+        lateral=sensor.lateral,
         noise_density=None if sensor.noise_density is None else factor * sensor.noise_density,
         bandwidth=sensor.bandwidth,
+        flicker=None if sensor.flicker is None else factor * sensor.flicker,
         # What says of itself which samples are good has to be right; else an empty cell is a missing sample.
         valid=np.isfinite(signal) if sensor.valid is None else values[sensor.valid],
     )

@@ -84,8 +84,10 @@ class Sensor(toml_document.Strict):
     quantity: str
     body: str
     position: float
+    lateral: float = 0.0
     noise_density: PositiveFloat | None = None
     bandwidth: PositiveFloat | None = None
+    flicker: PositiveFloat | None = None
     valid: str | None = None
     time: Quantity | None = None
 

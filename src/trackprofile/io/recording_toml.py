@@ -8,11 +8,13 @@ speed = { column = "speed_km_h", unit = "km/h" }
 [[sensor]]
 column = "body_vertical_acceleration_m_s2"
 unit = "m/s²"
-quantity = "vertical acceleration"                 # or "pitch rate"
+quantity = "vertical acceleration"                 # or "pitch rate", "roll rate"
 body = "body"                                      # a body of the vehicle, by name
 position = 6.9                                     # m ahead of that body's centre
+lateral = 1.0                                      # optional, m to the left of that body's middle
 noise_density = 0.01                               # optional, per root hertz, in the unit above
 bandwidth = 10                                     # optional, Hz, where its own filter cuts off
+flicker = 0.003                                    # optional, of the 1/f noise at 1 Hz, per root hertz
 valid = "accelerometer_good"                       # optional, a column of 1 and 0
 """
 
@@ -117,8 +119,10 @@ def _explanation(dataset: xr.Dataset, data: str, columns: dict) -> str:
             "quantity": channel.quantity,
             "body": channel.body,
             "position": channel.position,
+            "lateral": channel.lateral or None,
             "noise_density": channel.noise_density,
             "bandwidth": channel.bandwidth,
+            "flicker": channel.flicker,
             "valid": f"{channel.name}_valid" if f"{channel.name}_valid" in columns else None,
         }
         lines += _lines({key: value for key, value in sensor.items() if value is not None})
