@@ -17,7 +17,7 @@ from trackprofile.fleet.plan import Cost, Network, need
 from trackprofile.fleet.plan_page import Plan, html, markdown, tables
 from trackprofile.store import create
 
-COST = Cost(cpu=2e-3, memory=1e9, recorded=400.0, recorded_as_csv=1000.0, stored=50.0)
+COST = Cost(cpu=2e-3, memory=1e9, recorded=400.0, recorded_as_csv=1000.0, stored=50.0, files=7)
 amounts = st.floats(1e-3, 1e6)
 
 
@@ -36,6 +36,7 @@ def test_a_country_by_hand() -> None:
     assert found.raw_kept == pytest.approx(200e9 * 7 * 3)
     assert found.stored == pytest.approx(25e9)
     assert found.stored_year == pytest.approx(25e9 * 365 * 3)
+    assert found.files_year == 25_000 * 7 * 365
     assert found.written_rate == pytest.approx(4.63e6, rel=1e-3)
 
 

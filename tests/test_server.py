@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import date, timedelta
+from typing import get_args
 
 import httpx
 import numpy as np
@@ -15,7 +16,6 @@ pytest.importorskip("fastapi")
 
 from dated_passes import (
     BRANCH,
-    DEEP,
     DOWN,
     EN,
     FIRST,
@@ -32,7 +32,7 @@ from dated_passes import (
 from serving import serving
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.limits import Action
-from trackprofile.server import catalogue, places
+from trackprofile.server import catalogue, places, questions
 from trackprofile.store import Store, create, find, lines, read_columns, table
 from trackprofile.store.layout import Place
 
@@ -74,6 +74,8 @@ def test_lines_are_those_of_the_store(client: httpx.Client, dated_store: Store) 
     assert found["lines"][1]["start_m"] == START
     assert [one["name"] for one in found["bands"]] == [one.name for one in BANDS]
     assert found["locked"] is False
+    days = asked(client, "days", line=MAIN, direction=UP)["days"]
+    assert days == [str(day) for day in DAYS]
 
 
 def test_passes_state_what_their_entries_do(client: httpx.Client, dated_store: Store) -> None:
@@ -425,6 +427,24 @@ def test_an_earlier_version_is_still_answered_for(tmp_path) -> None:
     )
 
 
+def test_the_same_recording_on_two_days_is_two_passes(tmp_path) -> None:
+    from trackprofile.assessment.assess import assess
+    from trackprofile.store import add
+
+    store, profile = create(str(tmp_path / "twice")), seen(0, 1500.0)
+    one = put(store, Place("one", "up", FIRST), profile)
+    later = Place("one", "up", FIRST + timedelta(days=30))
+    other = add(store, later, profile, assess(profile, EN, SPEED), one.origin).entry
+    assert other.id == one.id
+    with serving(store) as client:
+        place = asked(client, "place", line="one", direction="up", band="D1", at=750)
+        two = asked(
+            client, "compare", line="one", direction="up", band="D1", day=str(later.day), other=str(FIRST)
+        )  # fmt: skip
+    assert [told["day"] for told in place["passes"]] == [str(FIRST), str(later.day)]
+    assert np.nanmax(np.abs(known(two["difference"]["high_mm"]))) < 2e-3  # answered to 0.001
+
+
 def test_what_was_added_is_shown_after_a_while(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = create(str(tmp_path / "grows"))
     with serving(store) as client:
@@ -505,7 +525,7 @@ def test_every_question_is_described(client: httpx.Client) -> None:
     assert sorted(described["paths"]) == [
         f"/api/{one}"
         for one in (
-            "compare", "defects", "lines", "passes", "place", "quality", "schematic", "sections", "strip",
+            "compare", "days", "defects", "lines", "passes", "place", "quality", "schematic", "sections", "strip",
         )
     ]  # fmt: skip
     for path in described["paths"].values():
@@ -519,4 +539,7 @@ def test_every_question_is_described(client: httpx.Client) -> None:
             bounded = ("maximum", "maxLength", "pattern", "enum", "format", "const")
             assert any(key in kind for kind in kinds for key in bounded), parameter
     assert client.get("/docs").status_code == client.get("/redoc").status_code == 404
-    assert DEEP < LENGTH
+
+
+def test_every_band_may_be_asked_for() -> None:
+    assert get_args(questions.Band) == tuple(one.name for one in BANDS)

@@ -45,7 +45,7 @@ class Development:
     rate : None where there are not two days
     straightness : chance of passes that lie on a line to scatter about it as far as these do; None
         for fewer than three passes
-    reached : per limit that lies ahead
+    reached : per limit that lies ahead, where the rate is no chance
     left_out : passes that do not tell this place, with the reason
     distance : around the place, of the earliest pass (n) [m]
     along : level of every pass there (passes, n) [m]
@@ -118,6 +118,7 @@ def development(
     place = int(np.argmin(np.abs(together.distance - at)))
     days = np.array([(each.one.day - told[0].one.day).days for each in told], np.float64)
     rate = rate_at(together, days, place) if len(told) > 1 else None
+    ahead = rate if rate and rate.certain else None
     level, deviation = together.level[:, place], together.deviation[:, place]
     return Development(
         band=band,
@@ -127,7 +128,7 @@ def development(
         deviation=deviation,
         rate=rate,
         straightness=_straightness(level, deviation, rate, days),
-        reached=limits_reached(rate, heights, told[-1].one.day) if rate and heights else (),
+        reached=limits_reached(ahead, heights, told[-1].one.day) if ahead and heights else (),
         left_out=left_out,
         distance=together.distance,
         along=together.level,

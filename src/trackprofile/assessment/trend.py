@@ -163,6 +163,11 @@ class Rate:
         """Standard deviation of the rate [m/day]."""
         return float(np.sqrt(self.covariance[1, 1]))
 
+    @property
+    def certain(self) -> bool:
+        """Whether it is no chance, with 95 %."""
+        return abs(self.per_day) > 1.96 * self.deviation
+
     def ahead(self, days: Array) -> tuple[Array, Array]:
         """Level and its standard deviation some days after the last pass, or before it (n) [m]."""
         covariance = self.covariance

@@ -133,7 +133,9 @@ def _tell(done: Night, written: list[Path], as_json: bool) -> None:
         }
         show.as_one_object(about | {"recordings": recordings(done)})
         return
-    show.note([f"{one.row.file.name}: {one.reason}" for one in failed[:NAMED]])
+    show.note(
+        [f"Recording {one.row.number}, {one.row.file.name}: {one.reason}" for one in failed[:NAMED]]
+    )
     if len(failed) > NAMED:
         show.note([f"... and {len(failed) - NAMED} more, see {written[0]}."])
     for sentence in said:

@@ -23,7 +23,7 @@ WRAPS = (2.0**8, 2.0**16, 2.0**24, 2.0**32, 1e4, 1e5, 1e6)
 """Where counters begin again."""
 
 FULL = 0.9
-"""Share of that, above which one that falls has begun again."""
+"""Share of that, which one that begins again has to come to."""
 
 RESET = 0.5
 """Share of its reading, below which one that falls otherwise was reset; above, the wheel rolled back."""
@@ -130,14 +130,14 @@ def unwrapped(counter: Array) -> tuple[Array, int]:
     if len(readings) < 2:
         raise DataError("the odometer: fewer than two readings are known; choose another column.")
     steps = np.diff(readings)
-    if np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0):
+    if np.any(steps != 0) and np.median(steps[steps != 0]) < 0:
         steps = -steps  # it counts down
     falls = steps < 0
     resets = 0
     if falls.any():
         most = float(np.max(readings))
         range_ = next((one for one in WRAPS if FULL * one <= most < one), 0.0)
-        wrapped = falls & (np.abs(steps) > FULL * range_) & (range_ > 0.0)
+        wrapped = falls & (np.abs(steps) > 0.5 * range_) & (range_ > 0.0)
         lost = falls & ~wrapped & (np.abs(steps) > RESET * np.maximum(readings[:-1], readings[1:]))
         steps = np.where(wrapped, steps + range_, np.where(lost, 0.0, steps))
         resets = int(np.count_nonzero(lost))

@@ -78,6 +78,7 @@ def cost(sample: Sample) -> Cost:
         recorded=table / sample.length,
         recorded_as_csv=as_csv / sample.length,
         stored=found["stored"] / found["length"],
+        files=found["files"],
     )
 
 
@@ -101,6 +102,7 @@ def brought(sample: Sample, folder: str) -> dict[str, float]:
         "length": entry.end - entry.start,
         "memory": 1e6 * peak_memory(),
         "stored": float(stored_bytes(entry)),
+        "files": 1.0 + len(entry.files),
     }
 
 

@@ -70,6 +70,7 @@ class Cost:
     memory : that a worker had at most [B]
     recorded, recorded_as_csv : as the train sends it, in Parquet and in CSV [B/m]
     stored : profile, overview, assessment and entry [B/m]
+    files : that a recording takes in the store
     """
 
     cpu: float
@@ -77,6 +78,7 @@ class Cost:
     recorded: float
     recorded_as_csv: float
     stored: float
+    files: float
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,7 @@ class Need:
     raw_kept : recordings, with copies [B]
     stored : a day, one copy [B]
     stored_year : a year's, with copies [B]
+    files_year : of the store, a year's, one copy
     written_rate : to the store, while it is computed, one copy [bit/s]
     """
 
@@ -108,6 +111,7 @@ class Need:
     raw_kept: float
     stored: float
     stored_year: float
+    files_year: float
     written_rate: float
 
 
@@ -119,19 +123,20 @@ def need(network: Network, cost: Cost) -> Need:
 
     Examples
     --------
-    >>> cost = Cost(cpu=1e-3, memory=5e8, recorded=200.0, recorded_as_csv=600.0, stored=100.0)
+    >>> cost = Cost(cpu=1e-3, memory=5e8, recorded=200.0, recorded_as_csv=600.0, stored=100.0, files=7)
     >>> found = need(Network(length=1e6, passes=10, hours=10, utilisation=0.5), cost)
     >>> found.cores, found.memory, found.received, round(found.received_rate)
     (1, 500000000.0, 2000000000.0, 444444)
     """
     metres = network.length * network.passes
+    recordings = metres / network.recording_length
     seconds = 3600.0 * network.hours
     core_seconds = cost.cpu * metres
     cores = max(1, math.ceil(core_seconds / (seconds * network.utilisation) - 1e-9))
     received, stored = cost.recorded * metres, cost.stored * metres
     return Need(
         metres=metres,
-        recordings=metres / network.recording_length,
+        recordings=recordings,
         core_seconds=core_seconds,
         cores=cores,
         memory=cores * cost.memory,
@@ -140,5 +145,6 @@ def need(network: Network, cost: Cost) -> Need:
         raw_kept=received * network.raw_days * network.copies,
         stored=stored,
         stored_year=stored * YEAR * network.copies,
+        files_year=cost.files * recordings * YEAR,
         written_rate=8 * stored / seconds,
     )

@@ -62,6 +62,7 @@ def tables(plan: Plan) -> dict[str, Table]:
         ("recording in Parquet", f"{number(cost.recorded)} B per metre", "64-bit numbers; 16-bit ones are a quarter"),
         ("recording in CSV", f"{number(cost.recorded_as_csv)} B per metre", "for comparison"),
         ("in the store", f"{number(cost.stored)} B per metre", stored),
+        ("files in the store", f"{cost.files:g} a recording", "that recording's"),
     ]  # fmt: skip
     needed = [
         ("recorded", f"{need.metres / 1e3:,.0f} km a day", f"{need.recordings:,.0f} recordings"),
@@ -70,6 +71,7 @@ def tables(plan: Plan) -> dict[str, Table]:
         ("received", f"{data(need.received)} a day", f"{number(need.received_rate / 1e6)} Mbit/s {hours}"),
         ("written to the store", f"{data(need.stored)} a day", f"{number(need.written_rate / 1e6)} Mbit/s {hours}"),
         ("store", f"{data(need.stored_year)} a year", f"{network.copies:g} copies"),
+        ("files in the store", f"{number(need.files_year / 1e6)} million a year", f"{cost.files:g} a recording"),
         ("recordings kept", data(need.raw_kept), f"{network.raw_days:g} days, {network.copies:g} copies"),
     ]  # fmt: skip
     columns = {

@@ -146,13 +146,13 @@ def estimate(
     data = measured(recording, installation)
     sides, vehicle = facing(data, recording, vehicle, point_track(track), installation)
     ride = _Ride(vehicle, installation, track, draws, seed, correct)
-    mean = _inferred(sides.mean, ride, prior, load, kept, 0, progress)
+    mean = _inferred(sides.mean, ride, prior, kept, 0, progress, load=load)
     difference = None
     if sides.difference is not None:
         ride = _of_difference(ride, sides, mean)
         difference = _inferred(
-            rewired(sides.difference, ride.vehicle, point_track(ride.track)), ride, None, False, kept,
-            mean.blocks, lambda stage, share: progress(f"{stage}, difference", share),
+            rewired(sides.difference, ride.vehicle, point_track(ride.track)), ride, None, kept,
+            mean.blocks, lambda stage, share: progress(f"{stage}, difference", share), knee=True,
         )  # fmt: skip
     places, located = deviation_at(mean.piece.place, mean.run, recording)
     mean = replace(mean, notes=(*scaled, *located, *mean.notes))
@@ -190,14 +190,17 @@ class _Inferred:
 
 
 def _inferred(
-    data: Measured, ride: _Ride, prior: Spectrum | None, load: bool,
-    kept: MutableMapping[int, Piece], first: int, progress: Progress,
+    data: Measured, ride: _Ride, prior: Spectrum | None, kept: MutableMapping[int, Piece], first: int,
+    progress: Progress, *, load: bool = False, knee: bool = False,
 ) -> _Inferred:  # fmt: skip
-    """The smoother on one half; its blocks are kept from number ``first`` on."""
+    """The smoother on one half; its blocks are kept from number ``first`` on.
+
+    Of the load and the knee of the prior is found what is asked for.
+    """
     installation, track = ride.installation, ride.track
     calibrated = installation.uncertainty is not None
     model, notes = find_noise(
-        data, ride.vehicle, point_track(track), installation, prior, progress, load=load
+        data, ride.vehicle, point_track(track), installation, prior, progress, load=load, knee=knee
     )
     if any(data.gain_doubt):
         installation = replace(installation, uncertainty=with_gains(installation.uncertainty, data))

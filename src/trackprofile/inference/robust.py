@@ -62,7 +62,7 @@ FREE_ROUNDS = 4
 """After which noise falls only by half on a logarithmic scale, so that the rounds do not go in circles."""
 
 FORGOTTEN = 2.0
-"""Times the sensor's noise variance from which a sample's own noise is dropped on its way down."""
+"""Times the noise variance of its stretch below which a sample's own noise is dropped on its way down."""
 
 MOST_ROUNDS = 20
 """Good data need one; spikes three or four, because of those in the shade of others."""
@@ -218,7 +218,8 @@ def _held(again: Weights, last: Weights, variance: Array) -> Weights:
     """
     before = last.noise(variance)
     least = np.sqrt(before * variance)
-    staying = (again.own > 0.0) | ((last.own > 0.0) & (least > FORGOTTEN * variance))
+    # No sample of its own noise is believed more than the stretch it stands in.
+    staying = (again.own > 0.0) | ((last.own > 0.0) & (least > FORGOTTEN * again.louder * variance))
     own = np.where(staying, np.maximum(again.own, least), again.own)
     least = np.where(last.own > 0.0, variance, least)
     return replace(again, own=own, louder=np.maximum(again.louder, least / variance))

@@ -69,7 +69,7 @@ _NAMES: tuple[tuple[Role, str], ...] = (
     (Role.LATITUDE, r"\blat(itude)?\b|breite|緯度"),
     (Role.LONGITUDE, r"\b(lon|lng|long)(gitude)?\b|länge(ngrad)?\b|経度"),
     (Role.PULSES, r"puls|impuls|\bticks?\b|encoder|zähl|counter|パルス"),
-    (Role.POST, r"post|hektomet|(km|kilomet\w*) ?(stein|tafel|mark)|milestone|キロ程標|距離標"),
+    (Role.POST, r"post|hektomet|(km|kilomet\w*)[ -]?(stein|tafel|mark)|milestone|キロ程標|距離標"),
     (Role.DISTANCE, r"dist|weg|chainage|mileage|kilomet|station|odo|距離"),
     (Role.TIME, r"time|zeit|stamp|\bt\b|\butc|時刻"),
 )  # fmt: skip

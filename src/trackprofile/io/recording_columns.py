@@ -33,13 +33,14 @@ DIRECTIONS = ("with the kilometrage", "against the kilometrage")
 
 @dataclass(frozen=True)
 class Columns:
-    """What was read, in SI: how the train moved, the channels, what says where it was where that has to be found, and
-    the clock of each by name; None: the rows.
+    """What was read, in SI: how the train moved, the channels, what says where it was, whether that has to be found,
+    and the clock of each by name; None: the rows.
     """
 
     motion: dict[str, Array]
     channels: tuple[Channel, ...]
     places: dict[str, Array]
+    placed: bool
     clock_of: Mapping[str, Quantity | None]
     clocks: Mapping[Quantity, Array]
 
@@ -63,7 +64,8 @@ def recording_of(explained: Path, data: Path, document: Document) -> xr.Dataset:
         found, notes, epoch = _on_one_clock(read) if together else _on_many_clocks(read)
         steps = [*head.provenance, f"read from {data.name}", *(MENDED + note for note in notes)]
         found |= {"wheel_scale": head.wheel_scale, "leading_end": head.leading_end or ""}
-        if places := found.pop("places"):
+        places = found.pop("places")
+        if has_places(head):
             steps += _located(found, said, *sources(explained, head, places, epoch))
         return build_recording(**found, **said, provenance=steps)
 
@@ -133,6 +135,7 @@ def _read(explained: Path, data: Path, document: Document) -> Columns:
         moved,
         tuple(_channel(one, f, values) for one, f in zip(sensors, sensor_factors, strict=True)),
         found,
+        has_places(head),
         clock_of,
         {
             one: rates[one] * values[one.column]
@@ -163,7 +166,7 @@ def _on_one_clock(read: Columns) -> tuple[dict[str, Any], list[str], float]:
             for one in channels
         )
         faults = ClockFault.JUMP * mended.jumped + ClockFault.REPEATED * mended.repeated
-    elif read.places:
+    elif read.placed:
         raise DataError(
             "Without a time nothing says where the train was at a sample; add the key 'time'."
         )

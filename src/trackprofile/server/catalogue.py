@@ -11,6 +11,7 @@ from trackprofile.limits import Action
 from trackprofile.server.memory import Memory
 from trackprofile.server.rows import heights
 from trackprofile.store import Entry, Line, Store, find, lines
+from trackprofile.store.layout import ENTRIES
 
 Value = TypeVar("Value")
 
@@ -41,6 +42,18 @@ class Catalogue:
         """All lines."""
         return self._lists.recall("lines", lambda: lines(self.store))
 
+    def line(self, line: str, direction: str) -> Line:
+        """One of them.
+
+        Raises
+        ------
+        UnknownError : the store has no such line and direction.
+        """
+        for one in self.lines():
+            if (one.line, one.direction) == (line, direction):
+                return one
+        raise UnknownError(f"The store holds no line {line!r} in direction {direction!r}.")
+
     def passes(
         self, line: str, direction: str, first: date | None = None, last: date | None = None
     ) -> tuple[Entry, ...]:
@@ -50,12 +63,11 @@ class Catalogue:
         ------
         UnknownError : the store has no such line and direction.
         """
-        found = self._lists.recall(
-            (line, direction), lambda: find(self.store, line=line, direction=direction)
+        self.line(line, direction)
+        return self._lists.recall(
+            (line, direction, first, last),
+            lambda: find(self.store, line=line, direction=direction, first=first, last=last),
         )
-        if not found:
-            raise UnknownError(f"The store holds no line {line!r} in direction {direction!r}.")
-        return tuple(one for one in found if (first or date.min) <= one.day <= (last or date.max))
 
     def of_day(
         self, line: str, direction: str, day: date, entry: str | None = None
@@ -90,7 +102,7 @@ class Catalogue:
         """The limits that passes were judged by in a band [m]: those of the last that has any."""
         for one in reversed(entries):
             found = self.recall(
-                ("heights", one.id, band), lambda one=one: heights(self.store, one, band)
+                ("heights", one.path(ENTRIES), band), lambda one=one: heights(self.store, one, band)
             )
             if found:
                 return found

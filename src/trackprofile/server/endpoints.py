@@ -16,8 +16,9 @@ from trackprofile.server import questions as ask
 from trackprofile.server.catalogue import Catalogue, UnknownError
 from trackprofile.server.quality import quality as quality_of
 from trackprofile.store import Entry
+from trackprofile.store.layout import ENTRIES
 
-MOST_PASSES = 2000
+MOST_PASSES = 1000
 """In one list: the latest."""
 
 _MILLI = 1e3
@@ -72,6 +73,11 @@ def _add_lists(router: APIRouter, catalogue: Catalogue, locked: bool) -> None:
             ],
             locked=locked,
         )
+
+    @router.get("/days")
+    def days(asked: Annotated[ask.LineQuestion, Query()]) -> models.Days:
+        """On which days a line was passed in one direction."""
+        return models.Days(days=list(catalogue.line(asked.line, asked.direction).days))
 
     @router.get("/passes")
     def passes(asked: Annotated[ask.PassesQuestion, Query()]) -> models.Passes:
@@ -210,7 +216,12 @@ def _tag(request: Request, response: Response, entries: Sequence[Entry]) -> None
     ------
     UnchangedError : the reader has it.
     """
-    about = (__version__, request.url.path, request.url.query, *(one.id for one in entries))
+    about = (
+        __version__,
+        request.url.path,
+        request.url.query,
+        *(one.path(ENTRIES) for one in entries),
+    )
     digest = hashlib.sha256("\n".join(about).encode()).hexdigest()
     tag = f'"{digest[:24]}"'
     if tag in [one.strip() for one in request.headers.get("if-none-match", "").split(",")]:

@@ -50,6 +50,12 @@ class Lines(Model):
     locked: bool = Field(description="whether this server asks for a token")
 
 
+class Days(Model):
+    """Days on which a line was passed, in their order."""
+
+    days: list[date]
+
+
 class PassInfo(Model):
     """One pass: where, when, from what, how well, and what it obliges to."""
 

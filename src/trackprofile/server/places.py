@@ -59,14 +59,15 @@ def place(
     if not there:
         raise UnknownError(f"No pass of that time reaches {at:.1f} m.")
     looked = _thinned(there)
-    by_id = {one.id: one for one in looked}
+    named = {_name(one): one for one in looked}
     reach = around(band)
     read = [
-        Pass(read_profile(store, one, at - reach, at + reach), one.day, one.id) for one in looked
+        Pass(read_profile(store, one, at - reach, at + reach), one.day, name)
+        for name, one in named.items()
     ]
     found = development(read, band, at, heights)
     rate = found.rate
-    told = [by_id[name] for name, _ in found.passes]
+    told = [named[name] for name, _ in found.passes]
     return models.Development(
         band=band.name,
         at_m=found.at,
@@ -87,12 +88,18 @@ def place(
         limits=limit_models(heights),
         around=_around(found),
         left_out=[
-            models.LeftOut(entry=name, day=by_id[name].day, run=by_id[name].run, reason=reason)
-            for name, reason in found.left_out.items()
+            models.LeftOut(entry=one.id, day=one.day, run=one.run, reason=found.left_out[name])
+            for name, one in named.items()
+            if name in found.left_out
         ],
         omitted=len(there) - len(looked),
         notes=said_of(told, band),
     )
+
+
+def _name(one: Entry) -> str:
+    """Of a pass among those of a line: the same recording may stand on two days."""
+    return " ".join(part for part in (one.day.isoformat(), one.run, one.id) if part)
 
 
 def _thinned(passes: Sequence[Entry]) -> list[Entry]:
@@ -221,7 +228,7 @@ def _changes(
     for entries in days:
         one = max(entries, key=lambda each: min(each.end, stretch[1]) - max(each.start, stretch[0]))
         profile = read_profile(store, one, stretch[0] - reach, stretch[1] + reach)
-        passes.append(Pass(profile, one.day, one.id))
+        passes.append(Pass(profile, one.day, _name(one)))
     # Whether they are verified is said by the passes.
     rule = DefectLimits(band.name, 0.0, np.inf, "the store", True, heights)
     return changes(passes, Limits("of the passes", (rule,)), _ANY_SPEED, bands=[band])

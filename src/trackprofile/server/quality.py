@@ -13,6 +13,7 @@ from trackprofile.server import models
 from trackprofile.server.catalogue import Catalogue
 from trackprofile.server.strips import millimetres
 from trackprofile.store import Entry, Store, Strip, strip
+from trackprofile.store.layout import ENTRIES
 
 Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ def quality(catalogue: Catalogue, passes: Sequence[Entry], band: str, bins: int)
     size = (end - start) / bins
 
     def told(one: Entry) -> tuple[Array, list[models.Flag]]:
-        key = ("quality", one.id, band, start, size)
+        key = ("quality", one.path(ENTRIES), band, start, size)
         return catalogue.recall(
             key, lambda: _of_pass(catalogue.store, one, band, start, size, bins)
         )

@@ -7,8 +7,6 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from trackprofile.bands import BANDS
-
 FARTHEST = 1e8
 """m along a line: farther than any."""
 
@@ -26,8 +24,6 @@ Metres = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
 EntryId = Annotated[str, Field(pattern="^[0-9a-f]{16}-[0-9a-f]{16}$")]
 Band = Literal["D1", "D2", "D3"]
 Act = Literal["alert", "intervention", "immediate action"]
-
-assert [one.name for one in BANDS] == ["D1", "D2", "D3"]
 
 
 class Question(BaseModel):

@@ -14,13 +14,12 @@ const VIEWS = { line: ["Line", lineView], defects: ["Exceedances", defects], pla
 
 const main = document.getElementById("main"), message = document.getElementById("message");
 const app = {
-  state: {}, bands: [], lines: [], passes: [],
+  state: {}, bands: [], lines: [],
   /** The line and direction that are chosen. */
   line: () => app.lines.find((one) => one.line === app.state.line && one.direction === app.state.direction),
   whole: () => [app.line().start_m, app.line().end_m],
-  /** Days with passes, the earliest first. */
-  days: () => [...new Set(app.passes.map((one) => one.day))].sort(),
-  passesOf: (day) => app.passes.filter((one) => one.day === day),
+  /** Days with passes, the earliest first; the passes of the day that is chosen. */
+  days: [], passes: [],
   /** What every question names. */
   where: () => ({ line: app.state.line, direction: app.state.direction, day: app.state.day, entry: app.state.entry }),
   href: (patch) => address(changed(app.state, patch)),
@@ -101,10 +100,10 @@ async function choose() {
     header();
     throw new Refused(404, `The store holds no line “${state.line}” in direction “${state.direction}”; choose another.`);
   }
-  app.passes = (await ask("passes", { line: state.line, direction: state.direction })).passes;
-  const days = app.days();
-  state.day = days.includes(state.day) ? state.day : days[days.length - 1];
-  if (!app.passesOf(state.day).some((one) => one.entry === state.entry)) delete state.entry;
+  const { line, direction } = state;
+  app.days = (await ask("days", { line, direction })).days;
+  state.day = app.days.includes(state.day) ? state.day : app.days[app.days.length - 1];
+  app.passes = (await ask("passes", { line, direction, first: state.day, last: state.day })).passes;
   const full = address(state);
   if (full !== location.pathname + location.search) history.replaceState(null, "", full);
 }
@@ -152,7 +151,7 @@ function views() {
 }
 
 function dayChoice(pick) {
-  const days = app.days(), at = days.indexOf(app.state.day);
+  const { days } = app, at = days.indexOf(app.state.day);
   const step = (by, name, sign) => el("button", {
     type: "button", "aria-label": name, title: name, disabled: !days[at + by], onclick: () => go({ day: days[at + by], entry: undefined }),
   }, sign);
@@ -162,11 +161,11 @@ function dayChoice(pick) {
 }
 
 function passChoice(pick) {
-  const passes = app.passesOf(app.state.day);
-  if (passes.length < 2) return null;
+  const { passes } = app, { entry } = app.state, older = entry && !passes.some((one) => one.entry === entry);
+  if (passes.length < 2 && !older) return null;
   const words = (one) => [one.run, one.vehicle, `km ${(one.start_m / 1000).toFixed(1)}–${(one.end_m / 1000).toFixed(1)}`].filter(Boolean).join(", ");
-  return pick("Pass", [["", `all ${passes.length} of the day`], ...passes.map((one) => [one.entry, words(one)])],
-    app.state.entry || "", (entry) => go({ entry: entry || undefined }));
+  return pick("Pass", [["", `all ${passes.length} of the day`], ...passes.map((one) => [one.entry, words(one)]), ...(older ? [[entry, `earlier version ${entry.slice(0, 8)}`]] : [])],
+    entry || "", (one) => go({ entry: one || undefined }));
 }
 
 document.addEventListener("click", (event) => {

@@ -115,14 +115,17 @@ export function limitLines(pen, box, y, range, limits) {
   }
 }
 
-/** The lowest is named below its line, the others above theirs if they can. */
+/** Names of limits at the right: outside of their lines if there is room, else inside, and none over another. */
 function limitNames(pen, box, y, range, limits) {
-  limits.forEach(({ action, height_mm: height }, i) => {
-    if (height > range[1]) return;
-    const above = i > 0 && y(height) > box.top + 28; // where there is room below the marks of places
-    const place = y(height) + (above ? -8 : 8);
+  const taken = [], lines = limits.flatMap((one) => [y(one.height_mm), y(-one.height_mm)]);
+  for (const { action, height_mm: height } of [...limits].reverse()) {
+    if (height > range[1]) continue;
+    const place = [y(height) - 8, y(-height) + 8, y(height) + 8, y(-height) - 8].find((one) =>
+      one > box.top + 19 && one < box.bottom - 7 && taken.every((other) => Math.abs(one - other) > 14) && lines.every((other) => Math.abs(one - other) > 7));
+    if (place === undefined) continue;
     label(pen, `${action} ${height} mm`, box.right - 4, place, actionOf(action).ink, "right");
-  });
+    taken.push(place);
+  }
 }
 
 /** Places that call for something, as far as they are wide enough to be tinted. */

@@ -46,7 +46,7 @@ export function mount(root, app) {
   for (const one of [both, difference]) handle(one, port);
 
   function controls(state) {
-    const days = app.days().filter((one) => one !== state.day).reverse();
+    const days = app.days.filter((one) => one !== state.day).reverse();
     fill(tools,
       choice("Compare with", days.map((one) => [one, one]), state.other, (other) => app.go({ other })),
       choice("Band", app.bands.map((one) => [one.name, `${one.name}, ${one.shortest_m}–${one.longest_m} m`]), state.band, (band) => app.go({ band })));
@@ -104,7 +104,7 @@ export function mount(root, app) {
 
   return {
     async update(state) {
-      const whole = app.whole(), days = app.days();
+      const whole = app.whole(), { days } = app;
       alone.hidden = days.length > 1;
       content.hidden = !alone.hidden;
       if (content.hidden) return app.busy(false);

@@ -17,7 +17,7 @@ export function mount(root, app) {
     const [start, end] = app.whole();
     const field = el("input", { type: "text", inputmode: "decimal", size: 9, value: (at / 1000).toFixed(3), "aria-label": "kilometre of the place" });
     const move = (by, sign) => el("button", { type: "button", "aria-label": `${Math.abs(by)} m ${by < 0 ? "back" : "on"}`, onclick: () => app.go({ at: at + by }) }, sign);
-    const days = app.days();
+    const { days } = app;
     fill(tools,
       el("form", { class: "jump", onsubmit: (event) => {
         event.preventDefault();

@@ -15,14 +15,14 @@ export function mount(root, app) {
   canvas.addEventListener("pointermove", (event) => found && fill(reading, readCoverage(canvas, found, app.whole(), event)));
 
   function days() {
-    const there = app.days(), counts = new Map(there.map((day) => [dayNumber(day), app.passesOf(day).length]));
+    const there = app.days, known = new Set(there.map(dayNumber));
     const last = dayNumber(there[there.length - 1]), first = Math.max(dayNumber(there[0]), last - 7 * WEEKS);
     const monday = first - ((first + 3) % 7), cells = [], months = [[1, dayOf(monday).slice(0, 7)]];
     for (let day = monday; day <= last; day++) {
       const week = Math.floor((day - monday) / 7) + 1;
       if (dayOf(day).endsWith("-01") && week > months[months.length - 1][0] + 3) months.push([week, dayOf(day).slice(0, 7)]);
-      const count = counts.get(day) || 0, words = `${dayOf(day)}: ${count ? counted(count, "pass", "passes") : "no pass"}`;
-      cells.push(count ? el("a", { class: "day has", href: app.href({ day: dayOf(day), entry: undefined }), title: words, "aria-label": words, "aria-current": dayOf(day) === app.state.day ? "date" : undefined }) : el("span", { class: "day", title: words }));
+      const passed = known.has(day), words = `${dayOf(day)}: ${passed ? "passed" : "no pass"}`;
+      cells.push(passed ? el("a", { class: "day has", href: app.href({ day: dayOf(day), entry: undefined }), title: words, "aria-label": words, "aria-current": dayOf(day) === app.state.day ? "date" : undefined }) : el("span", { class: "day", title: words }));
     }
     const gaps = there.slice(1).map((day, i) => [dayNumber(day) - dayNumber(there[i]), there[i], day]).sort((a, b) => b[0] - a[0]);
     fill(calendar, el("div", { class: "calendar-frame" }, el("div", { class: "weekdays", "aria-hidden": "true" }, ["Mo", "", "We", "", "Fr", "", "Su"].map((one) => el("span", {}, one))),
@@ -42,7 +42,7 @@ export function mount(root, app) {
     fill(rows, table(heads, [...found.passes].reverse().map((one) => ({
       mark: one.day === app.state.day ? "chosen" : "",
       cells: [
-        el("a", { href: app.href({ day: one.day, entry: app.passesOf(one.day).length > 1 ? one.entry : undefined }) }, one.day), [one.run, one.vehicle].filter(Boolean).join(", "),
+        el("a", { href: app.href({ day: one.day, entry: found.passes.filter((other) => other.day === one.day).length > 1 ? one.entry : undefined }) }, one.day), [one.run, one.vehicle].filter(Boolean).join(", "),
         `${number(one.start_m / 1000, 1)} to ${number(one.end_m / 1000, 1)}`, { number: share(one.known_share) },
         ...bands.map((band) => ({ number: one.deviation_mm[band] === undefined ? "not stated" : number(1.96 * one.deviation_mm[band], 2) })),
         one.flags.length ? one.flags.map((flag) => `${flag.name} ${share(flag.share)}`).join(", ") : "none",
@@ -52,7 +52,7 @@ export function mount(root, app) {
   }
 
   function origin() {
-    const ones = app.passesOf(app.state.day), one = ones.find((each) => each.entry === app.state.entry) || ones[0];
+    const ones = app.passes, one = ones.find((each) => each.entry === app.state.entry) || ones[0];
     const lines = [["Date", one.day], ["Run", one.run], ["Vehicle", one.vehicle], ["Track", one.track], ["Method", one.method], ["Prior", one.prior], ["Limits", one.limits], ["Line speed", one.speed_km_h ? `${number(one.speed_km_h, 0)} km/h` : ""],
       ["From, to", `${km(one.start_m)} to ${km(one.end_m)}`], ["Source", one.source], ["Recording (SHA-256)", one.recording], ["Entry", one.entry], ["Made by", one.software]];
     fill(about, el("dl", { class: "origin" }, lines.filter(([, text]) => text).map(([head, text]) => [el("dt", {}, head), el("dd", {}, text)])),
