@@ -669,11 +669,19 @@ def test_a_simulated_network_is_whole(small: Store) -> None:
 def test_duckdb_reads_the_files_in_place(small: Store) -> None:
     import duckdb
 
-    rows = duckdb.sql(
-        f"SELECT line, count(*), max(level_D1_m) FROM read_parquet('{small.url}/profiles/**/*.parquet', "
-        "hive_partitioning = true) GROUP BY line ORDER BY line"
-    ).fetchall()
-    assert [(line, count) for line, count, _ in rows] == [
-        ("Line 1", 2 * 4802),
-        ("Line 2", 2 * 4802),
-    ]
+    files = f"read_parquet('{small.url}/profiles/**/*.parquet', hive_partitioning = true)"
+    rows = duckdb.sql(f"SELECT line, count(*) FROM {files} GROUP BY line ORDER BY line").fetchall()
+    assert rows == [("Line 1", 2 * 4802), ("Line 2", 2 * 4802)]
+    entry = stores.find(small, line="Line 2")[0]
+    names = ("distance_m", "elevation_m", "level_D2_m", "standard_deviation_D1_m", "quality")
+    kept = stores.read_columns(small, entry, names)
+    other = duckdb.sql(
+        f"SELECT {', '.join(names)} FROM '{small.url}/{entry.path('profiles')}'"
+    ).fetchnumpy()
+    for name in names:
+        read = (
+            np.ma.filled(other[name].astype(kept[name].dtype), np.nan)
+            if name != "quality"
+            else other[name]
+        )
+        np.testing.assert_array_equal(read, kept[name])
