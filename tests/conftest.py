@@ -25,3 +25,15 @@ def shared() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+@pytest.fixture(scope="session")
+def dated_store(tmp_path_factory: pytest.TempPathFactory):
+    """A small store of dated passes, see `dated_passes`; not to be written to."""
+    pytest.importorskip("duckdb")
+    from dated_passes import fill
+    from trackprofile.store import create
+
+    store = create(str(tmp_path_factory.mktemp("dated") / "store"))
+    fill(store)
+    return store

@@ -152,7 +152,7 @@ def report(
             raise DataError(
                 "A change needs both --earlier PROFILE=DAY and the --day of the profile."
             )
-        all_passes = [_dated(one, rail) for one in (*earlier, f"{profile}={day}")]
+        all_passes = [dated(one, rail) for one in (*earlier, f"{profile}={day}")]
         changed = _changed(all_passes, limits, speed)
     sources = {"profile file": profile.name, "limits file": limits}
     files = write_report(
@@ -193,7 +193,7 @@ def changes(
     if output is not None:
         table_files(output, CHANGE_TABLES)
     along = way_of(way)
-    found = _changed([_dated(one, rail) for one in profiles], limits, speed)
+    found = _changed([dated(one, rail) for one in profiles], limits, speed)
     made = {"changes": change_table(found, along), "repeatability": repeatability_table(found)}
     files = () if output is None else write_tables(made, output)
     said = changes_summary(found, along)
@@ -241,8 +241,8 @@ def _assessed(
     return judged(between(read_as(path, "profile"), from_m, to_m), limits, speed, passes, rail)
 
 
-def _dated(text: str, rail: JudgedRail | None) -> Pass:
-    """A pass of PROFILE=DAY."""
+def dated(text: str, rail: JudgedRail | None = None) -> Pass:
+    """A pass of PROFILE=DAY, named after the file."""
     from trackprofile.assessment.changes import Pass
     from trackprofile.contracts import Rail, of_rail
 

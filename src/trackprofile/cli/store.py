@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from datetime import date, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +19,7 @@ from trackprofile.cli.assess import (
     judged,
     way_of,
 )
-from trackprofile.cli.options import From, Json, To, read_as
+from trackprofile.cli.options import From, Json, To, day_of, read_as
 from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def add(
     """Assess a profile and store both; the same again changes nothing. A store that is not there is begun."""
     from trackprofile import store as stores
 
-    place = stores.Place(line, direction, _day(day), run)
+    place = stores.Place(line, direction, day_of(day), run)
     measured, along = read_as(profile, "profile"), way_of(way)
     found = judged(measured, limits, speed, passes)
     origin = _origin(measured, profile.name, found, along, revision)
@@ -283,8 +283,8 @@ def _found(
     from trackprofile.store import find
 
     return find(
-        store, line=line, direction=direction, first=None if first is None else _day(first),
-        last=None if last is None else _day(last), start=from_m, end=to_m, all_versions=all_versions,
+        store, line=line, direction=direction, first=None if first is None else day_of(first),
+        last=None if last is None else day_of(last), start=from_m, end=to_m, all_versions=all_versions,
     )  # fmt: skip
 
 
@@ -344,10 +344,3 @@ def _pass_table(entries: tuple[Entry, ...]) -> dict[str, list[Any]]:
 def _visible(name: str) -> str:
     """A name without signs that would move what a terminal shows."""
     return "".join(one if one.isprintable() else f"\\u{ord(one):04x}" for one in name)
-
-
-def _day(text: str) -> date:
-    try:
-        return date.fromisoformat(text)
-    except ValueError as error:
-        raise DataError(f"{text!r}: expected a day such as 2026-05-31.") from error

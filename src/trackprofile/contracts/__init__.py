@@ -10,6 +10,7 @@ recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor c
 profile    ``distance``    ``elevation``, ``standard_deviation``, the same per band with
                            ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5);
                            where both rails are told apart, ``elevation_left`` and so on
+both                       ``distance_deviation``, how well each place is known
 =========  ==============  ===========================================================
 """
 

@@ -12,7 +12,9 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.rows import (
+    DEVIATION,
     Array,
+    check_deviation,
     check_finite,
     check_increasing,
     expect_kind,
@@ -31,6 +33,9 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "roll rate": ("rad/s", "angular rate"),
 }
 """What a channel may measure: its SI unit, and its dimension in `trackprofile.units`."""
+
+FIRST, LAST = ENDS = ("first", "last")
+"""Which wheel of a vehicle leads, as its positions count."""
 
 HARDEST_BRAKING = 3.0
 """Above what any train's brakes do [m/s²]; emergency brakes of trams reach it."""
@@ -83,6 +88,9 @@ def build_recording(
     vehicle: str = "",
     provenance: Iterable[str] = (),
     clock_fault: ArrayLike | None = None,
+    distance_deviation: ArrayLike | None = None,
+    wheel_scale: float | None = None,
+    leading_end: str = "",
 ) -> xr.Dataset:
     """A recording from arrays in SI units, validated.
 
@@ -93,6 +101,9 @@ def build_recording(
     line, direction, source, vehicle : in words
     provenance : what was done so far
     clock_fault : (samples,), sums of `trackprofile.conditioning.faults.ClockFault`; None: the clock was good
+    distance_deviation : (samples,), standard deviation of the distance [m]; None: not known
+    wheel_scale : true over nominal diameter of the wheel, where positions have put the distance right by it
+    leading_end : of the vehicle as it is described, where that is known: one of `ENDS`
 
     Raises
     ------
@@ -118,6 +129,12 @@ def build_recording(
     for name, values in (("time", time), ("distance", distance), ("speed", speed)):
         if values is not None:
             put(dataset, name, "sample", values, {"units": _MOTION_UNITS[name]})
+    if distance_deviation is not None:
+        put(dataset, DEVIATION, "sample", distance_deviation, {"units": "m"})
+    if wheel_scale is not None:
+        dataset.attrs["wheel_scale"] = float(wheel_scale)
+    if leading_end:
+        dataset.attrs["leading_end"] = leading_end
     if clock_fault is not None and np.any(clock_fault):
         put(dataset, "clock_fault", "sample", clock_fault, {}, np.int8)
     for channel in channels:
@@ -174,6 +191,14 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     )
     if "clock_fault" in recording:
         flags_of(recording, "clock_fault", "sample")
+    leading_end(recording)
+    scale = number_in({"wheel_scale": 1.0} | recording.attrs, "wheel_scale")
+    if not 0 < scale < np.inf:
+        raise DataError(
+            f"A recording's wheel_scale is a number above zero, this one says {scale:g}."
+        )
+    if DEVIATION in recording:
+        check_deviation(DEVIATION, values_of(recording, DEVIATION, "sample", "m"))
     names = [name for name, one in recording.data_vars.items() if "quantity" in one.attrs]
     if not names:
         raise DataError("A recording needs at least one sensor channel, this one has none.")
@@ -182,9 +207,29 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     return recording
 
 
+def leading_end(recording: xr.Dataset) -> str:
+    """Which wheel of the vehicle leads, one of `ENDS`; "" where the recording does not say.
+
+    Raises
+    ------
+    DataError : it says something else.
+    """
+    end = said(recording.attrs, "leading_end") or ""
+    if end not in {"", *ENDS}:
+        raise DataError(
+            f"A recording's leading_end is one of {', '.join(ENDS)}, this one says {end!r}."
+        )
+    return end
+
+
 def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
     name = channel.name
-    if not name or "/" in name or name.endswith("_valid") or name in {*dataset, *_MOTION_UNITS}:
+    if (
+        not name
+        or "/" in name
+        or name.endswith("_valid")
+        or name in {*dataset, *_MOTION_UNITS, DEVIATION}
+    ):
         raise DataError(
             f"Channel {name!r}: expected a name of its own, without '/', not ending in '_valid', "
             f"and none of {', '.join(_MOTION_UNITS)}."

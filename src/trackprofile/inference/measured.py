@@ -20,6 +20,7 @@ from trackprofile.conditioning.faults import (
 )
 from trackprofile.conditioning.mounting import Upright, freed_of_gravity
 from trackprofile.conditioning.rules import far, resolution
+from trackprofile.conditioning.sources import PLACED
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
@@ -66,6 +67,9 @@ class Measured:
     loud : (sensors,), root mean square of each signal about its mean over the whole recording; None: of these samples
     limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
     low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
+    by_gravity : per sensor, whether gravity told which way is up
+    turned : whether the vehicle's last wheel leads; the sensors are then those of
+        :func:`trackprofile.vehicle.turned_round`
     """
 
     motion: Motion
@@ -81,6 +85,8 @@ class Measured:
     loud: Array | None = None
     limits: Array | None = None
     low_pass: tuple[float | None, ...] = ()
+    by_gravity: tuple[bool, ...] = ()
+    turned: bool = False
 
     def part(self, rows: slice | Mask) -> Measured:
         """The same of some samples only."""
@@ -125,11 +131,12 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
         marked(frozenset(FaultKind) - {FaultKind.SATURATED}),
         (*faults, *_mounted(parts, upright, count)),
         (
-            *(step for step in steps_of(recording) if step.startswith(MENDED)),
+            *(step for step in steps_of(recording) if step.startswith((MENDED, PLACED))),
             *lost,
             *(one.said for one in upright if one.said),
         ),
         gain_doubt=tuple(one.doubt for one in upright),
+        by_gravity=tuple(one.by_gravity for one in upright),
     )
 
 

@@ -145,6 +145,11 @@ def prior_parameters(model: Model) -> list[Parameter]:
     return [_field("prior level", "m² rad/m", 3.0, "spectrum.amplitude")]
 
 
+def knee_parameter(model: Model) -> Parameter:
+    """Where the spectrum's short waves begin to fall faster."""
+    return _field("prior knee", "rad/m", 0.7, "spectrum.upper")
+
+
 def load_parameter(model: Model) -> Parameter:
     """What the first body weighs on the day, of what it weighs in the model; its inertia goes with it."""
     empty = model.vehicle.bodies[0]

@@ -316,4 +316,5 @@ def _combined(data: Measured, half: Half) -> Measured:
         saturated=data.saturated @ used,
         faulty=data.faulty @ used,
         gain_doubt=tuple(map(float, doubts)),
+        by_gravity=tuple(map(bool, ~(~np.array(data.by_gravity) @ used))),
     )

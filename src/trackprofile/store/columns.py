@@ -105,11 +105,24 @@ def written(table: pa.Table) -> bytes:
 
 
 def attributes_of(profile: xr.Dataset) -> dict[str, Any]:
-    """A profile's attributes as JSON can hold them."""
-    return {
+    """A profile's attributes as JSON can hold them.
+
+    Raises
+    ------
+    DataError : one of them is neither text nor numbers.
+    """
+    plain = {
         str(name): value.tolist() if isinstance(value, np.ndarray | np.generic) else value
         for name, value in profile.attrs.items()
     }
+    for name, value in plain.items():
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError) as error:
+            raise DataError(
+                f"Attribute {name!r}: expected text or numbers, got {value!r}; drop it."
+            ) from error
+    return plain
 
 
 def _at(level: BandLevel, distance: Array) -> Array:

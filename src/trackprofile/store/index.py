@@ -7,7 +7,7 @@ there is passed over, and entries that it does not know are read from their own 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from datetime import date
 from functools import lru_cache
 from typing import NamedTuple
@@ -72,11 +72,7 @@ def entry_table(store: Store, folder: str = ENTRIES) -> pa.Table:
     there = {one.path: one for one in store.files.listing(folder) if ENTRY_PATH.fullmatch(one.path)}
     known = _known(store, there)
     paths = set(known["path"].to_pylist())
-    fresh = [
-        _read(store.files, one.path, one.size, one.stamp)
-        for path, one in there.items()
-        if path not in paths
-    ]
+    fresh = _rows(store, [one for path, one in there.items() if path not in paths])
     return pa.concat_tables([known, _table(fresh)])
 
 
@@ -87,10 +83,8 @@ def rows_below(store: Store, folder: str) -> tuple[Row, ...]:
     ------
     FileError : an entry is damaged.
     """
-    return tuple(
-        _read(store.files, one.path, one.size, one.stamp)
-        for one in store.files.listing(folder)
-        if ENTRY_PATH.fullmatch(one.path)
+    return _rows(
+        store, [one for one in store.files.listing(folder) if ENTRY_PATH.fullmatch(one.path)]
     )
 
 
@@ -150,6 +144,16 @@ def _known(store: Store, there: dict[str, Found]) -> pa.Table:
         valid = [path in there and there[path].size == size for path, size in places]
         return table.filter(pa.array(valid, pa.bool_()))
     return _SCHEMA.empty_table()
+
+
+def _rows(store: Store, found: Iterable[Found]) -> tuple[Row, ...]:
+    rows = []
+    for one in found:
+        try:
+            rows.append(_read(store.files, one.path, one.size, one.stamp))
+        except FileNotFoundError:  # removed since
+            continue
+    return tuple(rows)
 
 
 @lru_cache(4)
