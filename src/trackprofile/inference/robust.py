@@ -61,9 +61,6 @@ BOLDEST = 30.0
 FREE_ROUNDS = 4
 """After which noise falls only by half on a logarithmic scale, so that the rounds do not go in circles."""
 
-FORGOTTEN = 2.0
-"""Times the noise variance of its stretch below which a sample's own noise is dropped on its way down."""
-
 MOST_ROUNDS = 20
 """Good data need one; spikes three or four, because of those in the shade of others."""
 
@@ -212,15 +209,10 @@ def _louder(squares: Array, open_: Array, variance: Array) -> tuple[Array, float
 
 
 def _held(again: Weights, last: Weights, variance: Array) -> Weights:
-    """The same, but no noise falls by more than half on a logarithmic scale, above that of the sensor.
-
-    Two samples of a burst, each believed as long as the other is not, would take turns for ever.
-    """
+    """The same, but no noise falls by more than half on a logarithmic scale, above that of the sensor."""
     before = last.noise(variance)
     least = np.sqrt(before * variance)
-    # No sample of its own noise is believed more than the stretch it stands in.
-    staying = (again.own > 0.0) | ((last.own > 0.0) & (least > FORGOTTEN * again.louder * variance))
-    own = np.where(staying, np.maximum(again.own, least), again.own)
+    own = np.where((again.own > 0.0) & (again.own < least), least, again.own)
     least = np.where(last.own > 0.0, variance, least)
     return replace(again, own=own, louder=np.maximum(again.louder, least / variance))
 
