@@ -24,7 +24,7 @@ def facing(
     Raises
     ------
     DataError
-        See :func:`trackprofile.inference.wiring.rewired` and :func:`trackprofile.inference.rails.by_rail`.
+        See :func:`trackprofile.inference.wiring.rewired` and `trackprofile.inference.rails.by_rail`.
     """
 
     def ahead(turned: bool) -> Vehicle:
