@@ -77,6 +77,7 @@ def recordings(draw: st.DrawFn) -> xr.Dataset:
                 body=draw(words.filter(bool)),
                 position=draw(small),
                 noise_density=draw(st.none() | st.floats(1e-9, 1e3)),
+                flicker=draw(st.none() | st.floats(1e-9, 1e3)),
                 valid=valid,
             )
         )

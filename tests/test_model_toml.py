@@ -268,7 +268,7 @@ def vehicles(draw: st.DrawFn) -> Vehicle:
 @st.composite
 def installations(draw: st.DrawFn) -> Installation:
     optional = st.none() | positive
-    numbers = ("noise_density", "bandwidth", "offset")
+    numbers = ("noise_density", "bandwidth", "offset", "flicker")
     sensors = tuple(
         Sensor(draw(text), quantity, draw(text), **{name: draw(optional) for name in numbers})
         for quantity in draw(st.lists(st.sampled_from(["vertical acceleration", "pitch rate"])))

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts import Quality, Rail, of_rail, rails_of
+from trackprofile.contracts import Quality, Rail, fingerprint, of_rail, rails_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
@@ -77,10 +77,11 @@ def write_estimate(
     FileError : as of `estimate_files`.
     """
     files = estimate_files(profile)
-    drawn = (estimate.profile, recording, estimate.sample_distance, estimate.reproduced)
+    made = estimate.profile.assign_attrs(recording=fingerprint(recording))
+    drawn = (made, recording, estimate.sample_distance, estimate.reproduced)
     page, picture = profile_figure(*drawn), profile_picture(*drawn)
     with whole_files(*files) as (profile_file, page_file, picture_file):
-        write(estimate.profile, profile_file)
+        write(made, profile_file)
         write_html(page, page_file)
         write_png(picture, picture_file)
     return files

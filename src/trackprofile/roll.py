@@ -26,9 +26,6 @@ from trackprofile.vehicle import Body, Link, Parameter, Vehicle, Wheel, paramete
 
 Array = NDArray[np.float64]
 
-AMPLITUDES = ("noise_density",)
-"""What a sensor may state of its noise, which adds up by squares over sensors that know nothing of each other."""
-
 SAME_PLACE = 0.05
 """m along the car, by which the two of a pair may stand apart."""
 
@@ -324,22 +321,22 @@ def _same_bandwidth(one: float | None, other: float | None) -> bool:
 
 
 def _together(left: Sensor, right: Sensor, weights: Array) -> Sensor:
-    """A sensor that reads a weighted sum of two, whose noises, offsets and drifts are independent."""
+    """A sensor that reads a weighted sum of two, whose noises, flickers, offsets and drifts are independent."""
 
     def root(one: float, other: float) -> float:
         return float(np.hypot(weights[0] * one, weights[1] * other))
 
-    noises = dict.fromkeys(AMPLITUDES)
-    for name in AMPLITUDES:
-        one, other = getattr(left, name), getattr(right, name)
-        noises[name] = None if one is None or other is None else root(one, other)
+    noise = None
+    if left.noise_density is not None and right.noise_density is not None:
+        noise = root(left.noise_density, right.noise_density)
     return replace(
         left,
         position=0.5 * (left.position + right.position),
         lateral=0.0,
-        **noises,
+        noise_density=noise,
         offset=root(left.offset_standard_deviation, right.offset_standard_deviation),
         drift=root(left.drift_rate, right.drift_rate),
+        flicker=root(left.flicker or 0.0, right.flicker or 0.0) or None,
     )
 
 

@@ -27,6 +27,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
         "mg": 1e-3 * STANDARD_GRAVITY,
         "µg": 1e-6 * STANDARD_GRAVITY,
     },
+    "angle": {"rad": 1.0, "°": math.pi / 180, "deg": math.pi / 180},
     "angular rate": {"rad/s": 1.0, "mrad/s": 1e-3, "deg/s": math.pi / 180, "°/s": math.pi / 180},
     "mass": {"kg": 1.0, "t": 1e3},
     "inertia": {"kg m²": 1.0, "t m²": 1e3},

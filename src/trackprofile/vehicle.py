@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,9 @@ class Link:
     damping: float
     semi_spacing: float | None = None
     roll_stiffness: float = 0.0
+
+
+Part = TypeVar("Part", Body, Wheel, Link)
 
 
 @dataclass(frozen=True)
@@ -213,6 +217,28 @@ def with_parameters(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
         bodies=tuple(replace(body, **fields.get(body.name, {})) for body in vehicle.bodies),
         links=tuple(replace(link, **fields.get(link.name, {})) for link in vehicle.links),
         wheels=tuple(replace(wheel, **fields.get(wheel.name, {})) for wheel in vehicle.wheels),
+    )
+
+
+def turned_round(vehicle: Vehicle) -> Vehicle:
+    """The same vehicle with its last wheel leading: positions count from there.
+
+    Examples
+    --------
+    >>> wheels = Wheel("front", 1e3, 0.0), Wheel("rear", 1e3, 9.0)
+    >>> car = Vehicle("car", (Body("body", 1e4, position=2.0),), (), wheels)
+    >>> [(one.name, one.position) for one in turned_round(car).wheels], turned_round(car).bodies[0].position
+    ([('rear', 0.0), ('front', 9.0)], 7.0)
+    """
+
+    def turned(part: Part) -> Part:
+        return replace(part, position=vehicle.length - part.position)
+
+    return replace(
+        vehicle,
+        bodies=tuple(turned(one) for one in vehicle.bodies),
+        links=tuple(turned(one) for one in vehicle.links),
+        wheels=tuple(sorted(map(turned, vehicle.wheels), key=lambda one: one.position)),
     )
 
 

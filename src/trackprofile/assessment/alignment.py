@@ -41,8 +41,6 @@ _SPREAD = "standard_deviation"
 LIKE = 0.5
 """Correlation of two windows, below which they do not tell a lag."""
 
-_MEMORY = SEEN.longest  # m over which the residual hangs together
-
 
 @dataclass(frozen=True)
 class Alignment:
@@ -113,7 +111,9 @@ def _at(profile: xr.Dataset, grid: Array, level: Array) -> xr.Dataset:
     )
 
 
-def align(profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LARGEST) -> Alignment:
+def align(
+    profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LARGEST, seen: Band = SEEN
+) -> Alignment:
     """Find the lag of a profile behind the first, window by window.
 
     Parameters
@@ -121,13 +121,14 @@ def align(profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LA
     profile, first : profile contracts
     name : of the profile, for messages
     largest : lag that is searched to both sides [m]
+    seen : wavelengths by which they are aligned; the shorter, the sharper, as far as the profiles know them
 
     Raises
     ------
     DataError : the two do not overlap, or nowhere look alike.
     """
     spacing = float(np.median(np.diff(first["distance"].to_numpy())))
-    grid, a, b = _both(profile, first, name, spacing)
+    grid, a, b = _both(profile, first, name, spacing, seen)
     whole = _whole_lag(a, b, spacing, largest)
     if whole is None:
         raise DataError(
@@ -137,7 +138,8 @@ def align(profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LA
     distance, lags, deviations = [], [], []
     count = min(round(WINDOW / spacing), grid.size)
     for start in range(0, grid.size - count + 1, count):
-        told = _window_lag(a, b, slice(start, start + count), whole, spacing)
+        window = slice(start, start + count)
+        told = _window_lag(a, b, window, whole, spacing, round(seen.longest / spacing))
         if told:
             distance.append(float(grid[start : start + count].mean()))
             lags.append(told[0])
@@ -178,7 +180,7 @@ def _smooth_lag(distance: Array, lag: Array, deviation: Array, wanted: Array) ->
 
 
 def _both(
-    profile: xr.Dataset, first: xr.Dataset, name: str, spacing: float
+    profile: xr.Dataset, first: xr.Dataset, name: str, spacing: float, seen: Band
 ) -> tuple[Array, Array, Array]:
     """A common grid, and the first profile and the other in the band of alignment, NaN in gaps."""
     ends = [one["distance"].to_numpy()[[0, -1]] for one in (first, profile)]
@@ -191,7 +193,7 @@ def _both(
         )
     grid = np.asarray(start + spacing * np.arange(int((end - start) / spacing) + 1), np.float64)
     a, b = (
-        band_pass_pieces(resample(one["distance"], known_elevation(one), grid), spacing, SEEN)
+        band_pass_pieces(resample(one["distance"], known_elevation(one), grid), spacing, seen)
         for one in (first, profile)
     )
     return grid, a, b
@@ -220,9 +222,12 @@ def _correlation(one: Array, other: Array) -> float:
 
 
 def _window_lag(
-    a: Array, b: Array, window: slice, whole: int, spacing: float
+    a: Array, b: Array, window: slice, whole: int, spacing: float, memory: int
 ) -> tuple[float, float] | None:
-    """Lag and its standard deviation in one window [m]; None where it tells none."""
+    """Lag and its standard deviation in one window [m]; None where it tells none.
+
+    The residual hangs together over the longest wave, of ``memory`` points.
+    """
     reach = round(DRIFT / spacing)
     here = np.arange(window.start, window.stop)
     slope = np.gradient(b, spacing)
@@ -248,7 +253,7 @@ def _window_lag(
     residual = y - x
     shift = -float(s @ residual) / power
     scores = s * (residual + s * shift)
-    variance = _long_run(scores, round(_MEMORY / spacing)) / power**2
+    variance = _long_run(scores, memory) / power**2
     return step * spacing + shift, max(float(np.sqrt(variance)), LEAST)
 
 

@@ -84,6 +84,7 @@ def defect_table(defects: Sequence[Defect], found: Assessment, way: Way) -> Tabl
             "peak_kilometre": _kilometre(way, one.peak),
             "latitude_deg": _number(north),
             "longitude_deg": _number(east),
+            "location_deviation_m": one.location_deviation,
             "height_mm": _MILLI * one.height,
             "standard_deviation_mm": _MILLI * one.deviation,
             "exceeded": words(one.exceeded),
@@ -96,7 +97,8 @@ def defect_table(defects: Sequence[Defect], found: Assessment, way: Way) -> Tabl
             row[f"probability_{name}"] = one.probabilities.get(action)
         rows.append(row | {"obliges_to": duty(one, found), "limits_verified": one.limits.verified})
     names = ["band", "start_m", "peak_m", "end_m", "length_m", "peak_kilometre", "latitude_deg"]
-    names += ["longitude_deg", "height_mm", "standard_deviation_mm", "exceeded", "likely"]
+    names += ["longitude_deg", "location_deviation_m", "height_mm", "standard_deviation_mm"]
+    names += ["exceeded", "likely"]
     for action in Action:
         names += [f"limit_{action.name.lower()}_mm", f"probability_{action.name.lower()}"]
     return _columns(rows, [*names, "obliges_to", "limits_verified"])

@@ -16,6 +16,8 @@ from trackprofile import __version__
 from trackprofile.cli import show
 from trackprofile.cli.assess import assess, changes, report
 from trackprofile.cli.calibrate import calibrate
+from trackprofile.cli.fleet import fleet
+from trackprofile.cli.fuse import fuse
 from trackprofile.cli.infer import infer
 from trackprofile.cli.inspect import inspect
 from trackprofile.cli.options import (
@@ -27,7 +29,10 @@ from trackprofile.cli.options import (
     TrackName,
     read_as,
 )
+from trackprofile.cli.plan import plan
+from trackprofile.cli.serve import serve
 from trackprofile.cli.simulate import simulate
+from trackprofile.cli.store import app as store
 from trackprofile.cli.vehicles import app as vehicles
 from trackprofile.errors import DataError, TrackprofileError
 
@@ -49,7 +54,12 @@ app.command()(simulate)
 app.command()(assess)
 app.command()(report)
 app.command()(changes)
+app.command()(serve)
+app.command()(fleet)
+app.command()(plan)
+app.command()(fuse)
 app.add_typer(vehicles, name="vehicles")
+app.add_typer(store, name="store")
 
 
 @app.command()

@@ -70,10 +70,11 @@ def assess(
 ) -> None:
     """Judge a profile by limits: defects with their probability, standard deviations, classes."""
     from trackprofile.assessment.tables import geojson_per_rail, tables, tables_per_rail
+    from trackprofile.contracts import between
     from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
     from trackprofile.reporting.summary import headline
 
-    along = _way(way)
+    along = way_of(way)
     wanted = output or []
     for path in wanted:
         if path.suffix.lower() != MAP:
@@ -82,7 +83,9 @@ def assess(
             raise DataError(
                 f"{path}: a map needs latitude and longitude; give a --way that has them."
             )
-    each, apart = _each_rail(profile, limits, speed, (from_m, to_m, passes), rail)
+    each, apart = _each_rail(
+        between(read_as(profile, "profile"), from_m, to_m), limits, speed, passes, rail
+    )
     found = next(iter(each.values()))
     made = tables_per_rail(each, along) if apart else tables(found, along)
     files: list[Path] = []
@@ -137,19 +140,17 @@ def report(
     from trackprofile.reporting.summary import headline, summary
 
     report_files(*output)
-    along = _way(way)
+    along = way_of(way)
     span = (from_m, to_m, passes, rail)
-    found = _assessed(read_as(profile, "profile"), limits, speed, *span)
-    other = None
-    if beside is not None:
-        other = _assessed(read_as(beside, "profile"), limits, speed, *span)
+    found = _assessed(profile, limits, speed, *span)
+    other = None if beside is None else _assessed(beside, limits, speed, *span)
     changed = None
     if earlier or day:
         if not (earlier and day):
             raise DataError(
                 "A change needs both --earlier PROFILE=DAY and the --day of the profile."
             )
-        all_passes = [_dated(one, rail) for one in (*earlier, f"{profile}={day}")]
+        all_passes = [dated(one, rail) for one in (*earlier, f"{profile}={day}")]
         changed = _changed(all_passes, limits, speed)
     sources = {"profile file": profile.name, "limits file": limits}
     files = write_report(
@@ -189,8 +190,8 @@ def changes(
 
     if output is not None:
         table_files(output, CHANGE_TABLES)
-    along = _way(way)
-    found = _changed([_dated(one, rail) for one in profiles], limits, speed)
+    along = way_of(way)
+    found = _changed([dated(one, rail) for one in profiles], limits, speed)
     made = {"changes": change_table(found, along), "repeatability": repeatability_table(found)}
     files = () if output is None else write_tables(made, output)
     said = changes_summary(found, along)
@@ -205,7 +206,8 @@ def changes(
         show.say(f"Tables in {', '.join(map(str, files))}.")
 
 
-def _way(path: Path | None) -> Way:
+def way_of(path: Path | None) -> Way:
+    """Kilometre posts and coordinates from a file; without one, the distance itself."""
     from trackprofile.io.way_table import read_way
     from trackprofile.location import Way
 
@@ -213,15 +215,14 @@ def _way(path: Path | None) -> Way:
 
 
 def _each_rail(
-    path: Path, limits: str, speed: str, span: tuple[float | None, float | None, int], rail: JudgedRail | None
-) -> tuple[dict[Rail, Assessment], bool]:  # fmt: skip
+    profile: xr.Dataset, limits: str, speed: str, passes: int, rail: JudgedRail | None
+) -> tuple[dict[Rail, Assessment], bool]:
     """The assessment of the rail that is asked for, else of all that there are; and whether they are told apart."""
     from trackprofile.contracts import Rail, rails_of
 
-    read = read_as(path, "profile")
-    apart = len(rails_of(read)) > 1
-    judged = list(JudgedRail) if apart and rail is None else [rail or JudgedRail.MEAN]
-    return {Rail(one): _assessed(read, limits, speed, *span, one) for one in judged}, apart
+    apart = len(rails_of(profile)) > 1
+    rails = list(JudgedRail) if apart and rail is None else [rail or JudgedRail.MEAN]
+    return {Rail(one): judged(profile, limits, speed, passes, one) for one in rails}, apart
 
 
 def _sentences(each: Mapping[Rail, Assessment], along: Way, *, apart: bool) -> list[str]:
@@ -235,24 +236,33 @@ def _sentences(each: Mapping[Rail, Assessment], along: Way, *, apart: bool) -> l
     ]
 
 
-def _assessed(
-    read: xr.Dataset, limits: str, speed: str, from_m: float | None, to_m: float | None,
-    passes: int, rail: JudgedRail | None,
-) -> Assessment:  # fmt: skip
+def judged(
+    read: xr.Dataset, limits: str, speed: str, passes: int, rail: JudgedRail | None = None
+) -> Assessment:
+    """A profile assessed, as the options say."""
     from trackprofile.assessment.assess import assess as judge
-    from trackprofile.contracts import Rail, between, of_rail
+    from trackprofile.contracts import Rail, of_rail
     from trackprofile.io.limits_toml import read_limits
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.units import quantity
 
     rules = read_limits(limits)
-    profile = of_rail(between(read, from_m, to_m), Rail(rail or JudgedRail.MEAN))
+    profile = of_rail(read, Rail(rail or JudgedRail.MEAN))
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
     return judge(profile, rules, quantity(speed, "speed"), spectra=spectra, passes=passes)
 
 
-def _dated(text: str, rail: JudgedRail | None) -> Pass:
-    """A pass of PROFILE=DAY."""
+def _assessed(
+    path: Path, limits: str, speed: str, from_m: float | None, to_m: float | None, passes: int,
+    rail: JudgedRail | None,
+) -> Assessment:  # fmt: skip
+    from trackprofile.contracts import between
+
+    return judged(between(read_as(path, "profile"), from_m, to_m), limits, speed, passes, rail)
+
+
+def dated(text: str, rail: JudgedRail | None = None) -> Pass:
+    """A pass of PROFILE=DAY, named after the file."""
     from trackprofile.assessment.changes import Pass
     from trackprofile.contracts import Rail, of_rail
 

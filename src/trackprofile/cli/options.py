@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from datetime import date
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from trackprofile.errors import FileError
+from trackprofile.errors import DataError, FileError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,3 +60,11 @@ def read_as(path: Path, kind: str) -> xr.Dataset:
     if found != kind:
         raise FileError(f"{path}: expected a {kind}, this is a {found}; give the right file.")
     return dataset
+
+
+def day_of(text: str) -> date:
+    """A day, as ISO 8601 writes it."""
+    try:
+        return date.fromisoformat(text)
+    except ValueError as error:
+        raise DataError(f"{text!r}: expected a day such as 2026-05-31.") from error

@@ -10,6 +10,7 @@ recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor c
 profile    ``distance``    ``elevation``, ``standard_deviation``, the same per band with
                            ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5);
                            where both rails are told apart, ``elevation_left`` and so on
+both                       ``distance_deviation``, how well each place is known
 =========  ==============  ===========================================================
 """
 
@@ -31,5 +32,6 @@ from trackprofile.contracts.recording import build_recording as build_recording
 from trackprofile.contracts.recording import channels as channels
 from trackprofile.contracts.recording import validate_recording as validate_recording
 from trackprofile.contracts.verbs import between as between
+from trackprofile.contracts.verbs import fingerprint as fingerprint
 from trackprofile.contracts.verbs import validated as validated
 from trackprofile.contracts.verbs import with_provenance as with_provenance

@@ -12,7 +12,7 @@ from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
 from trackprofile.receptance import point_track
 from trackprofile.roll import halves_of, pairs_of, rolling_for, rolling_track
-from trackprofile.sensor import Sensor
+from trackprofile.sensor import Sensor, stated_noise
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import state_space, transfer_function
 from trackprofile.track import Track
@@ -35,8 +35,8 @@ def limit(
 ) -> dict[str, float]:
     """Least possible root-mean-square error of the profile in each band, m.
 
-    1/S_post(Ω) = 1/S_prior(Ω) + Σ |H(Ω, v)|² / S_noise, integrated over the band, with S_noise = N² v/(2π) per
-    rad/m of a sensor with the one-sided noise density N per √Hz (theory, section 8).
+    1/S_post(Ω) = 1/S_prior(Ω) + Σ |H(Ω, v)|² / S_noise, integrated over the band, with S_noise = S(f) v/(2π) per
+    rad/m and S(f) the one-sided density of all noise that a sensor states, at f = Ωv/2π (theory, section 8).
 
     Parameters
     ----------
@@ -63,14 +63,16 @@ def limit(
         raise ModelError(
             f"The limit is that of a running train: the speed must be above 0 m/s, got {speed:g}."
         )
-    densities = [sensor.noise_density for sensor in sensors]
-    if not densities or None in densities:
+    if not sensors or any(sensor.noise_density is None for sensor in sensors):
         raise ModelError("The limit needs at least one sensor, and the noise_density of each.")
-    noise = np.square(np.array(densities, dtype=np.float64)) * speed / (2 * np.pi)
     system = state_space(vehicle, point_track(track), sensors)
 
     def posterior(omega: float) -> float:
         at = np.array([omega])
+        frequency = at * speed / (2 * np.pi)
+        noise = (
+            np.concatenate([stated_noise(one, frequency) for one in sensors]) * speed / (2 * np.pi)
+        )
         gained = np.sum(np.abs(transfer_function(system, at, speed)[0]) ** 2 / noise)
         return float(1.0 / (1.0 / prior.density(at)[0] + gained))
 

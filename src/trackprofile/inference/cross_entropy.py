@@ -17,6 +17,7 @@ from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.inference import cross_entropy_kernels as kernels
 from trackprofile.inference.doubted import said
+from trackprofile.inference.facing import expect_as_described
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import loading, measured
 from trackprofile.inference.rails import mean_alone
@@ -146,6 +147,7 @@ def cross_entropy(
     """
     installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
+    expect_as_described(recording, "the cross-entropy method")
     data = mean_alone(measured(recording, installation), vehicle, installation)
     search = search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
     scans, notes = scans_of(data, installation, search)

@@ -15,6 +15,7 @@ from trackprofile.conditioning.faults import Fault
 from trackprofile.contracts import build_profile, with_provenance, with_rails
 from trackprofile.inference.blocks import Block, Piece, Task, cut, joined, solved, usual_draws
 from trackprofile.inference.doubted import told
+from trackprofile.inference.facing import facing
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
     KNOT_SPACING,
@@ -26,7 +27,8 @@ from trackprofile.inference.measured import (
     moved,
 )
 from trackprofile.inference.noise import find_noise
-from trackprofile.inference.rails import ByRail, by_rail, levels_of, of_difference
+from trackprofile.inference.places import deviation_at, of_true_distance
+from trackprofile.inference.rails import ByRail, levels_of, of_difference
 from trackprofile.inference.sensitivity import with_gains
 from trackprofile.inference.wiring import rewired
 from trackprofile.receptance import point_track
@@ -141,18 +143,21 @@ def estimate(
     installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
     kept = {} if kept is None else kept
+    installation, scaled = of_true_distance(installation, recording)
     data = measured(recording, installation)
-    sides = by_rail(data, vehicle, point_track(track), installation)
+    sides, vehicle = facing(data, recording, vehicle, point_track(track), installation)
     ride = _Ride(vehicle, installation, track, draws, seed, correct)
     mean = _inferred(sides.mean, ride, prior, kept, 0, progress, load=load)
     difference = None
     if sides.difference is not None:
         ride = _of_difference(ride, sides, mean)
         difference = _inferred(
-            sides.difference, ride, None, kept, mean.blocks,
-            lambda stage, share: progress(f"{stage}, difference", share), knee=True,
+            rewired(sides.difference, ride.vehicle, point_track(ride.track)), ride, None, kept,
+            mean.blocks, lambda stage, share: progress(f"{stage}, difference", share), knee=True,
         )  # fmt: skip
-    return _together(sides, mean, difference, vehicle, track)
+    places, located = deviation_at(mean.piece.place, mean.run, recording)
+    mean = replace(mean, notes=(*scaled, *located, *mean.notes))
+    return _together(sides, mean, difference, places, track, vehicle)
 
 
 @dataclass(frozen=True)
@@ -195,7 +200,6 @@ def _inferred(
     """
     installation, track = ride.installation, ride.track
     calibrated = installation.uncertainty is not None
-    data = rewired(data, ride.vehicle, point_track(track))
     model, notes = find_noise(
         data, ride.vehicle, point_track(track), installation, prior, progress, load=load, knee=knee
     )
@@ -231,8 +235,9 @@ def _of_difference(ride: _Ride, sides: ByRail, mean: _Inferred) -> _Ride:
 
 
 def _together(
-    sides: ByRail, mean: _Inferred, difference: _Inferred | None, vehicle: Vehicle, track: Track
-) -> Estimate:
+    sides: ByRail, mean: _Inferred, difference: _Inferred | None, places: Array | None, track: Track,
+    vehicle: Vehicle,
+) -> Estimate:  # fmt: skip
     """The profile of the mean, and beside it those of both rails where the difference is told."""
     found, notes, remarks = mean.piece, mean.notes, mean.piece.notes
     profile = build_profile(
@@ -245,6 +250,7 @@ def _together(
         quality=found.flags,
         loading=loading(track),
         vehicle=vehicle.name,
+        distance_deviation=places,
     )
     faults, likelihood = (*mean.data.faults, *found.faults), found.log_likelihood
     if difference is not None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
 from trackprofile.inference.doubted import said
+from trackprofile.inference.facing import expect_as_described
 from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import Measured, measured
 from trackprofile.inference.rails import mean_alone
@@ -57,6 +58,8 @@ def passes_of(
     DataError
         Where the recordings have other sensors than the first, or the reference covers none of them.
     """
+    for one in recordings:
+        expect_as_described(one, "a calibration")
     data = [mean_alone(measured(one, installation), vehicle, installation) for one in recordings]
     for i, one in enumerate(data[1:], start=2):
         _expect_same_sensors(data[0], one, i)

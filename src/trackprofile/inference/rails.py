@@ -21,7 +21,6 @@ from trackprofile.errors import DataError
 from trackprofile.inference.blocks import Piece
 from trackprofile.inference.measured import Measured
 from trackprofile.roll import (
-    AMPLITUDES,
     Half,
     Pair,
     RollingVehicle,
@@ -284,15 +283,13 @@ def _is_calibrated(sensor: Sensor, installation: Installation) -> bool:
 def _one_side(sensor: Sensor) -> Sensor:
     """One of two whose mean reads as a calibration found it: √2 times as noisy."""
     root = float(np.sqrt(2.0))
-    noises = dict.fromkeys(AMPLITUDES)
-    for name in AMPLITUDES:
-        noise = getattr(sensor, name)
-        noises[name] = None if noise is None else root * noise
+    noise = sensor.noise_density
     return replace(
         sensor,
-        **noises,
+        noise_density=None if noise is None else root * noise,
         offset=root * sensor.offset_standard_deviation,
         drift=root * sensor.drift_rate,
+        flicker=None if sensor.flicker is None else root * sensor.flicker,
     )
 
 
@@ -312,4 +309,5 @@ def _combined(data: Measured, half: Half) -> Measured:
         saturated=data.saturated @ used,
         faulty=data.faulty @ used,
         gain_doubt=tuple(map(float, doubts)),
+        by_gravity=tuple(map(bool, ~(~np.array(data.by_gravity) @ used))),
     )

@@ -23,6 +23,11 @@ class Role(StrEnum):
     TIME = "time"
     DISTANCE = "distance"
     SPEED = "speed"
+    LATITUDE = "latitude"
+    LONGITUDE = "longitude"
+    GNSS_SPEED = "satellite speed"
+    PULSES = "odometer pulses"
+    POST = "kilometre posts"
     VERTICAL = "vertical acceleration"
     PITCH = "pitch rate"
     ROLL = "roll rate"
@@ -35,6 +40,10 @@ DIMENSIONS: Mapping[Role, str] = {
     Role.TIME: "time",
     Role.DISTANCE: "length",
     Role.SPEED: "speed",
+    Role.LATITUDE: "angle",
+    Role.LONGITUDE: "angle",
+    Role.GNSS_SPEED: "speed",
+    Role.POST: "length",
     Role.VERTICAL: "acceleration",
     Role.PITCH: "angular rate",
     Role.ROLL: "angular rate",
@@ -46,6 +55,8 @@ SENSORS = (Role.VERTICAL, Role.PITCH, Role.ROLL)
 _ACCELERATION = r"acc|beschl|\ba_?[xyz]\b|加速度"
 _ACROSS = "lat|quer|long|längs"
 _RATE = r"gyr|rate|omega|winkelgeschw|dreh(rate|geschw)|角速度"
+_SATELLITE = "gps|gnss|doppler|衛星"
+_SPEED = r"speed|veloc|geschw|tacho|\bv\b|速度"
 _NAMES: tuple[tuple[Role, str], ...] = (
     (Role.ACCELERATION, rf"({_ACCELERATION}).*({_ACROSS}|[_ ]?[xy]\b)|({_ACROSS}).*({_ACCELERATION})"),
     (Role.VERTICAL, _ACCELERATION),
@@ -53,7 +64,12 @@ _NAMES: tuple[tuple[Role, str], ...] = (
     (Role.RATE, rf"({_RATE}).*(yaw|gier|[_ ]?z\b)|(yaw|gier)"),
     (Role.ROLL, rf"({_RATE}).*[_ ]?x\b|roll|wank|ロール"),
     (Role.PITCH, _RATE),
-    (Role.SPEED, r"speed|veloc|geschw|tacho|\bv\b|速度"),
+    (Role.GNSS_SPEED, rf"({_SATELLITE}).*({_SPEED})|({_SPEED}).*({_SATELLITE})"),
+    (Role.SPEED, _SPEED),
+    (Role.LATITUDE, r"\blat(itude)?\b|breite|緯度"),
+    (Role.LONGITUDE, r"\b(lon|lng|long)(gitude)?\b|länge(ngrad)?\b|経度"),
+    (Role.PULSES, r"puls|impuls|\bticks?\b|encoder|zähl|counter|パルス"),
+    (Role.POST, r"post|hektomet|(km|kilomet\w*)[ -]?(stein|tafel|mark)|milestone|キロ程標|距離標"),
     (Role.DISTANCE, r"dist|weg|chainage|mileage|kilomet|station|odo|距離"),
     (Role.TIME, r"time|zeit|stamp|\bt\b|\butc|時刻"),
 )  # fmt: skip
@@ -70,11 +86,19 @@ _LEFT, _RIGHT = r"\b(left|links?|l|li|lh)\b|左", r"\b(right|rechts?|r|re|rh)\b|
 TO_ONE_SIDE = 1.0
 """m from the middle, at which a sensor probably is of which only the side is said."""
 
+_DEGREES = {Role.LATITUDE: 90.0, Role.LONGITUDE: 180.0}
+
+PLACED = 0.5
+"""Share of missing values from which kilometres are posts passed, and no distance."""
+
 STEADY = 0.99
 """Share of steps in one direction that make a distance."""
 
 _FASTEST = 60.0
 """m/s: what is above is in km/h."""
+
+_LONGEST = 3000.0
+"""km: posts below say kilometres."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +132,9 @@ def guess(heading: Heading, values: Array) -> Guess:
         role = _by_unit(unit)
         if role is Role.DISTANCE and not _goes_on(values):
             role = Role.OTHER  # a height, or some other length
+    role = _by_what_it_holds(role, values)
+    if role is Role.PULSES:
+        return Guess(role, "pulses", sure=True)
     dimension = DIMENSIONS.get(role)
     if dimension is None:
         return Guess(role, unit)
@@ -115,6 +142,16 @@ def guess(heading: Heading, values: Array) -> Guess:
     body = _body(heading.name) if role in SENSORS else ""
     lateral = _lateral(heading.name) if role is Role.VERTICAL else 0.0
     return Guess(role, unit if sure else _by_values(role, values), body, sure, lateral)
+
+
+def _by_what_it_holds(role: Role, values: Array) -> Role:
+    """The role, or another where the values cannot be of it."""
+    known = values[np.isfinite(values)]
+    if role in _DEGREES and known.size and np.max(np.abs(known)) > _DEGREES[role]:
+        return Role.OTHER
+    if role is Role.DISTANCE and 0 < known.size < (1.0 - PLACED) * values.size:
+        return Role.POST
+    return role
 
 
 def _goes_on(values: Array) -> bool:
@@ -159,10 +196,14 @@ def _by_values(role: Role, values: Array) -> str:
     if known.size:
         if role is Role.VERTICAL and abs(abs(np.median(known)) - 1.0) < 0.1:
             return "g"
-        if role is Role.SPEED and np.max(np.abs(known)) > _FASTEST:
+        if role in {Role.SPEED, Role.GNSS_SPEED} and np.max(np.abs(known)) > _FASTEST:
             return "km/h"
         if role is Role.VERTICAL and abs(abs(np.median(known)) - 1000.0) < 100.0:
             return "mg"
+        if role in _DEGREES:
+            return "°"
+        if role is Role.POST and np.max(np.abs(known)) < _LONGEST:
+            return "km"
     return next(iter(FACTORS[DIMENSIONS[role]]))
 
 

@@ -94,6 +94,7 @@ class Sensor(Strict):
     bandwidth: PositiveFloat | None = None
     offset: NonNegativeFloat | None = None
     drift: NonNegativeFloat | None = None
+    flicker: NonNegativeFloat | None = None
 
     @property
     def factor(self) -> float:
@@ -104,14 +105,13 @@ class Sensor(Strict):
     def si(self) -> sensor.Sensor:
         factor = self.factor
         fields = self.model_dump(include=Sensor.model_fields.keys() - {"unit"})
-        for field in ("noise_density", "offset", "drift"):
+        for field in ("noise_density", "offset", "drift", "flicker"):
             if fields[field] is not None:
                 fields[field] *= factor
         return sensor.Sensor(**fields)
 
 
 class Instrument(Sensor):
-    flicker: NonNegativeFloat = 0.0
     resolution: NonNegativeFloat = 0.0
     range: PositiveFloat | None = None
     misalignment_deg: float = 0.0
@@ -120,7 +120,6 @@ class Instrument(Sensor):
     def complete(self, source: str) -> instrument.Instrument:
         return instrument.Instrument(
             self.si(),
-            flicker=self.flicker * self.factor,
             resolution=self.resolution * self.factor,
             range=None if self.range is None else self.range * self.factor,
             misalignment=math.radians(self.misalignment_deg),

@@ -1,10 +1,10 @@
 """A profile as a table, in CSV or Parquet.
 
 Columns: ``distance_m``, ``elevation_m`` and, where known, ``standard_deviation_m``, the same per
-band (``standard_deviation_D1_m`` ...) and ``quality``; where both rails are told apart, the same
-of ``elevation_left``, ``elevation_right`` and ``elevation_difference``; others are not read. A table
-has no place for the attributes: what it holds is a posterior if it has a standard deviation, else a
-point.
+band (``standard_deviation_D1_m`` ...), ``distance_deviation_m`` and ``quality``; where both rails are
+told apart, the same of ``elevation_left``, ``elevation_right`` and ``elevation_difference``; others
+are not read. A table has no place for the attributes: what it holds is a posterior if it has a
+standard deviation, else a point.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import xarray as xr
 
 from trackprofile.contracts import APART, Quality, RailLevel, build_profile, with_rails
 from trackprofile.contracts.rails import QUALITY, variable
+from trackprofile.contracts.rows import DEVIATION
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import SUFFIXES as SUFFIXES
@@ -40,7 +41,8 @@ def read(path: Path) -> xr.Dataset:
     band_columns = {
         match[1]: name for name in names if (match := re.fullmatch(f"{_SPREAD}_(.+)_m", name))
     }
-    optional = [name for name in (f"{_SPREAD}_m", "quality") if name in names]
+    known = (f"{_SPREAD}_m", f"{DEVIATION}_m", "quality")
+    optional = [name for name in known if name in names]
     apart = [name for name in names if _of_one_rail(name)]
     wanted = ["distance_m", "elevation_m", *optional, *band_columns.values(), *apart]
     table = read_columns(path, wanted)
@@ -54,13 +56,14 @@ def read(path: Path) -> xr.Dataset:
             band_standard_deviations={band: table[name] for band, name in band_columns.items()},
             quality=_flags(table["quality"]) if "quality" in table else None,
             provenance=[f"read from {path.name}"],
+            distance_deviation=table.get(f"{DEVIATION}_m"),
         )
         return _with_rails(profile, table) if apart else profile
 
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
     """Write the profile's variables; its attributes are lost."""
-    own = {variable(rail) for rail in APART}
+    own = {DEVIATION, *(variable(rail) for rail in APART)}
     more = (str(name) for name in dataset if _SPREAD in str(name) or name in own)
     columns = {f"{name}_m": dataset[name].to_numpy() for name in ("distance", "elevation", *more)}
     flags = {name: dataset[name].to_numpy() for name in ("quality", QUALITY) if name in dataset}

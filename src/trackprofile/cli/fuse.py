@@ -1,0 +1,112 @@
+"""`trackprofile fuse`: many passes over one line, in one profile."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trackprofile.cli import show
+from trackprofile.cli.assess import dated
+from trackprofile.cli.options import From, Json, To, day_of
+
+if TYPE_CHECKING:
+    from trackprofile.assessment.changes import Pass
+    from trackprofile.fusion.fuse import Fused
+
+Profiles = Annotated[
+    list[str] | None, typer.Argument(metavar="[PROFILE=DAY]...", help="Such as may.nc=2026-05-31.")
+]
+
+
+def fuse(
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", metavar="FILE", help=".nc, with rates; .csv, .parquet."),
+    ],
+    profiles: Profiles = None,
+    day: Annotated[
+        str | None, typer.Option(metavar="DAY", help="Of the level; else the last pass's.")
+    ] = None,
+    store: Annotated[
+        str | None, typer.Option(metavar="S", help="Passes from a store, of --line, --direction.")
+    ] = None,
+    line: Annotated[str | None, typer.Option(metavar="L", help="In the store.")] = None,
+    direction: Annotated[str | None, typer.Option(metavar="D", help="In the store.")] = None,
+    first: Annotated[str | None, typer.Option(metavar="DAY", help="From this day on.")] = None,
+    last: Annotated[str | None, typer.Option(metavar="DAY", help="Up to this day.")] = None,
+    from_m: From = None,
+    to_m: To = None,
+    as_json: Json = False,
+) -> None:
+    """Combine passes by different trains and on different days into one profile with its rate of change."""
+    from trackprofile.fusion.fuse import fuse as fused
+    from trackprofile.fusion.words import summary
+    from trackprofile.io import format_to_write, write
+
+    if bool(profiles) == bool(store) or bool(store) != bool(line and direction):
+        raise typer.BadParameter(
+            "Give profiles with their days, or --store, --line and --direction."
+        )
+    format_to_write("profile", output)
+    if store and line and direction:
+        days = tuple(None if one is None else day_of(one) for one in (first, last))
+        passes = _stored(store, line, direction, days, from_m, to_m)
+    else:
+        passes = [_between(dated(one), from_m, to_m) for one in profiles or ()]
+    found = fused(passes, None if day is None else day_of(day))
+    files = write(found.profile, output)
+    said = summary(found)
+    if as_json:
+        show.as_one_object({"files": list(map(str, files)), "summary": said} | _as_dict(found))
+        return
+    show.note([f"{note}." for note in found.notes])
+    for sentence in said:
+        show.say(sentence)
+    show.say(f"Profile in {', '.join(map(str, files))}.")
+
+
+def _between(one: Pass, from_m: float | None, to_m: float | None) -> Pass:
+    from trackprofile.assessment.changes import Pass
+    from trackprofile.contracts import between
+
+    return Pass(between(one.profile, from_m, to_m), one.day, one.name)
+
+
+def _stored(
+    url: str,
+    line: str,
+    direction: str,
+    days: tuple[date | None, ...],
+    from_m: float | None,
+    to_m: float | None,
+) -> list[Pass]:
+    """The passes of a line in a store; what was fused before is none."""
+    from trackprofile.assessment.changes import Pass
+    from trackprofile.fusion.fuse import METHOD
+    from trackprofile.store import find, open_store, read_profile
+
+    store = open_store(url)
+    entries = find(
+        store, line=line, direction=direction, first=days[0], last=days[1], start=from_m, end=to_m
+    )
+    return [
+        Pass(read_profile(store, one, from_m, to_m), one.day, one.id)
+        for one in entries
+        if not one.origin.method.startswith(METHOD)
+    ]
+
+
+def _as_dict(found: Fused) -> dict[str, Any]:
+    return {
+        "day": found.day.isoformat(),
+        "passes": [asdict(one) | {"day": one.day.isoformat()} for one in found.members],
+        "contradictions": [
+            asdict(one) | {"reason": one.reason.value} for one in found.contradictions
+        ],
+        "moving": [asdict(one) for one in found.moving],
+        "notes": list(found.notes),
+    }

@@ -1,0 +1,118 @@
+"""The level and its rate, given all passes at once: what each pass counts in each wave.
+
+In one wave pass i of vehicle v, τ_i after the mean day, has the estimate m_i = G_i (a + ρ τ_i + u_v + n_i)
+of the level a and the rate ρ, with the density λ_i N_i of n_i, N_i = P_i/G_i, and U_v of what all
+passes of the vehicle share. All being Gaussian, the estimate is Σ_i k_i m_i, with k from two normal
+equations out of which the u_v are eliminated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.fusion.laid import Laid
+from trackprofile.fusion.waves import LENGTHS, RANGES
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+_LEAST = 1e-9  # 1/(m²/(rad/m)), where no pass is: the level is then free
+_WIDEST = 10.0  # change over the passes' span, in units of the level, that is not ruled out
+
+
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """What is made of the passes' own word.
+
+    Parameters
+    ----------
+    louder : λ, the variance of each pass's error over the stated (n, waves)
+    local : what stretches add to that as a factor, infinite where a pass is left out (n, ranges, k)
+    shared : ξ, the variance of what passes of one vehicle share, over that of the track (vehicles, ranges)
+    hidden : the same over what the passes state, where only they can tell (ranges)
+    vehicle : number of each pass's vehicle (n)
+    """
+
+    louder: Array
+    local: Array
+    shared: Array
+    hidden: Array
+    vehicle: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Of one wave, at each place.
+
+    Parameters
+    ----------
+    level, rate : what a metre of each pass's estimate adds (n, k) [-], [1/day]
+    held : of the reference's metre, by the prior (2, k) [-], [1/day]
+    variance : of level and rate, and their covariance (3, k) [m²/(rad/m)] and per day and day²
+    """
+
+    level: Array
+    rate: Array
+    held: Array
+    variance: Array
+
+
+def range_of(wave: int) -> int:
+    """Number of the range in which a wave lies."""
+    return next(i for i, one in enumerate(RANGES) if wave in one.numbers)
+
+
+RANGE_OF: Indices = np.array([range_of(wave) for wave in range(LENGTHS.size)])
+
+
+def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Weights:
+    """What each pass counts for the level on a day, and for its rate.
+
+    Parameters
+    ----------
+    days : of the passes (n), about their mean
+    day : on which the level is wanted, about the same
+    """
+    number = RANGE_OF[wave]
+    G, S = laid.gain(wave), laid.before(wave)
+    louder = trust.louder[:, wave, None] * trust.local[:, number]
+    error = louder * (laid.stated[:, wave] + G * laid.misplaced(wave))
+    # Per metre of the estimate m_i, and per metre of the level itself: a_i = 1/(λ_i N_i) = G_i/(λ_i P_i).
+    told = laid.cover(wave) / error
+    a = G * told
+    known = a.sum(axis=0) > 0
+    shared = _shared(laid, wave, trust)
+    of_vehicle = np.eye(shared.shape[0])[trust.vehicle].T
+    A, B = of_vehicle @ a, of_vehicle @ (days[:, None] * a)
+    k = shared / (1.0 + shared * A)
+    J = np.stack([(a.sum(axis=0) - (k * A**2).sum(axis=0)), B.sum(axis=0) - (k * A * B).sum(axis=0),
+                  (days[:, None] ** 2 * a).sum(axis=0) - (k * B**2).sum(axis=0)])  # fmt: skip
+    J[0] += np.maximum(1.0 / S, _LEAST)
+    span = float(np.ptp(days))
+    J[2] += (max(span, 1.0) / _WIDEST) ** 2 / laid.prior[:, wave].max(axis=0)
+    determinant = J[0] * J[2] - J[1] ** 2
+    C = np.stack([J[2], -J[1], J[0]]) / determinant
+    # Level on the day asked for: (1, day) of (level on the mean day, rate).
+    row = np.stack([C[0] + day * C[1], C[1] + day * C[2]])
+    v = trust.vehicle
+    h = np.stack([1.0 - (k * A)[v], days[:, None] - (k * B)[v]])
+    level = np.where(known, (row[0] * h[0] + row[1] * h[1]) * told, 0.0)
+    rate = np.where(known, (C[1] * h[0] + C[2] * h[1]) * told, 0.0)
+    variance = np.stack([row[0] + day * row[1], row[1], C[2]])
+    # What the prior makes all passes err alike does not average out.
+    alike = laid.alike(wave)
+    variance[0] += (level * np.sqrt(alike)).sum(axis=0) ** 2
+    variance[0] -= (level**2 * np.where(np.isfinite(louder), louder, 0.0) * alike).sum(axis=0)
+    return Weights(level, rate, np.stack([row[0], C[1]]) / S, variance)
+
+
+def _shared(laid: Laid, wave: int, trust: Trust) -> Array:
+    """Density of what the passes of each vehicle share (vehicles, k) [m²/(rad/m)]."""
+    number = RANGE_OF[wave]
+    by_track = trust.shared[:, number, None] * laid.strength(wave)
+    stated = 1.0 / np.mean(1.0 / laid.stated[:, wave], axis=0)
+    return by_track + trust.hidden[number] * stated

@@ -1,0 +1,235 @@
+"""Passes side by side on one grid: what each says of every wave at every place, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, uniform_filter1d
+
+from trackprofile.bands import resample
+from trackprofile.contracts import Quality, known_elevation
+from trackprofile.fusion.places import Placed
+from trackprofile.fusion.waves import LENGTHS, OMEGA, POWER, STEP, Sines, sines, stated_by
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+TOGETHER = 50.0
+"""m within which passes that begin or end there are taken to begin or end together."""
+
+UNDONE = 0.5
+"""Share of a wave that an estimate has to hold, for the prior's part in it to be undone: else it would be blown up."""
+
+_FLAWED = Quality.UNCONVERGED | Quality.SATURATED | Quality.UNEXPLAINED
+_BARELY = 1e-3  # weight of a pass at its very end, beside one that goes on
+_INFORMED = 0.98  # share of the prior's density that a posterior's stays below
+_FEATHER = 300.0  # m over which a pass fades in where passes are first put together
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """Passes on the line's grid.
+
+    Parameters
+    ----------
+    passes : n of them
+    distance, spacing : of the grid (m) [m]
+    places : at which spectra and weights are held (k) [m]
+    level : of each pass, NaN where it says nothing (n, m) [m]
+    flags : sums of `Quality` (n, m)
+    stated : spectrum of each pass's error (n, waves, k) [m²/(rad/m)]
+    prior : of the track, before each pass (n, waves, k) [m²/(rad/m)]
+    slack : variance of each pass's place (n, k) [m²]
+    inside : how far each pass goes on to both sides without a gap or flaw (n, k) [m]
+    reference : a first guess of the line, NaN where no pass says anything (m) [m]
+    cut, cut_reference : the waves of each pass, and of the reference in the same pieces
+    whole : the waves of the reference
+    """
+
+    passes: tuple[Placed, ...]
+    distance: Array
+    places: Array
+    level: Array
+    flags: NDArray[np.int16]
+    stated: Array
+    prior: Array
+    slack: Array
+    inside: Array
+    reference: Array
+    cut: tuple[Sines, ...]
+    cut_reference: tuple[Sines, ...]
+    whole: Sines
+
+    @property
+    def spacing(self) -> float:
+        """Of the grid [m]."""
+        return float(self.distance[1] - self.distance[0])
+
+    def along(self, values: Array) -> Array:
+        """What is held at the places (..., k), on the grid (..., m)."""
+        rows = values.reshape(-1, self.places.size)
+        found = np.stack([np.interp(self.distance, self.places, row) for row in rows])
+        return found.reshape(*values.shape[:-1], self.distance.size)
+
+    def cover(self, wave: int) -> Array:
+        """Share of its weight that each pass has in a wave, less where it ends sooner than others (n, k)."""
+        ramp = np.sin(0.5 * np.pi * np.minimum(self.inside / LENGTHS[wave], 1.0)) ** 2
+        ramp = np.where(self.inside > 0, np.maximum(ramp, _BARELY), 0.0)
+        best = ramp.max(axis=0)
+        return ramp / np.where(best > 0, best, 1.0)
+
+    def gain(self, wave: int) -> Array:
+        """Share of the wave that each pass's estimate holds, 1 - P/S (n, k) [-]; 1 where that is not undone."""
+        held = 1.0 - self.stated[:, wave] / self.prior[:, wave]
+        return np.where(held < UNDONE, 1.0, held)
+
+    def before(self, wave: int) -> Array:
+        """Density of the track before any pass (k) [m²/(rad/m)]; infinite where no pass's part of it is undone."""
+        undone = self.stated[:, wave] < (1.0 - UNDONE) * self.prior[:, wave]
+        return np.where(undone.any(axis=0), np.median(self.prior[:, wave], axis=0), np.inf)
+
+    def alike(self, wave: int) -> Array:
+        """Density of the part of each pass's error that is the prior's doing, (1 - G) P, where that is not undone.
+
+        It is the same in all passes (n, k) [m²/(rad/m)].
+        """
+        held = 1.0 - self.stated[:, wave] / self.prior[:, wave]
+        return np.where(held < UNDONE, 1.0 - held, 0.0) * self.stated[:, wave]
+
+    def beside(self, wave: int) -> Array:
+        """What each pass says beyond the reference, m_i - G_i r (n, m) [m]."""
+        held = self.along(self.gain(wave))
+        # Most passes have the same pieces.
+        line = {
+            id(one): one.wave(wave) for one in {id(one): one for one in self.cut_reference}.values()
+        }
+        found = np.stack(
+            [
+                own.wave(wave) - share * line[id(of)]
+                for own, of, share in zip(self.cut, self.cut_reference, held, strict=True)
+            ]
+        )
+        return np.where(np.isfinite(self.level), found, 0.0)
+
+    def strength(self, wave: int) -> Array:
+        """Density of the reference in a wave, near each place (k) [m²/(rad/m)]."""
+        wide = min(round(2 * LENGTHS[wave] / self.spacing), self.distance.size)
+        square = uniform_filter1d(self.whole.wave(wave) ** 2, wide, mode="nearest")
+        known = np.isfinite(self.reference).astype(np.float64)
+        share = np.maximum(uniform_filter1d(known, wide, mode="nearest"), 1e-3)
+        return np.interp(self.places, self.distance, square / share) / POWER[wave]
+
+    def misplaced(self, wave: int) -> Array:
+        """Density of the error of places that are unsure: (dz/dx)² δ² (n, k) [m²/(rad/m)]."""
+        return OMEGA[wave] ** 2 * self.strength(wave) * self.slack
+
+    def about(self, reference: Array) -> Laid:
+        """The same with another guess of the line."""
+        return replace(
+            self,
+            reference=reference,
+            cut_reference=_cut_alike(reference, np.isfinite(self.level), self.spacing),
+            whole=sines(reference, self.spacing),
+        )
+
+
+def lay(passes: Sequence[Placed]) -> Laid:
+    """Put passes on one grid from where the first ones begin to where the last ones end.
+
+    Long waves of passes differ by millimetres: where one goes on alone for a few metres, the line would have a step.
+
+    Raises
+    ------
+    DataError : a pass does not state its standard deviation.
+    """
+    spacing = min(float(np.median(np.diff(one.of.profile["distance"]))) for one in passes)
+    ends = [one.of.profile["distance"].to_numpy()[[0, -1]] for one in passes]
+    if len(passes) == 1:
+        first, last = ends[0]
+        distance = np.linspace(first, last, round(float(last - first) / spacing) + 1)
+    else:
+        starts, stops = np.array(ends).T
+        first = np.ceil(starts[starts < starts.min() + TOGETHER].max() / spacing - 1e-9)
+        last = np.floor(stops[stops > stops.max() - TOGETHER].min() / spacing + 1e-9)
+        distance = spacing * np.arange(first, last + 1)
+    places = np.linspace(
+        distance[0], distance[-1], max(2, round(float(np.ptp(distance)) / STEP) + 1)
+    )
+    level = np.stack([_on(one, distance) for one in passes])
+    flags = np.stack([_flags_on(one, distance) for one in passes])
+    known = np.isfinite(level)
+    spacing = float(distance[1] - distance[0])
+    said = [stated_by(one.of.profile, places, one.of.name) for one in passes]
+    stated = np.stack([one.error for one in said])
+    inside = np.stack(
+        [_inside(k & ((f & _FLAWED) == 0), spacing) for k, f in zip(known, flags, strict=True)]
+    )
+    reference = _first_guess(level, inside, stated)
+    cut = tuple(sines(one, spacing) for one in level)
+    return Laid(
+        passes=tuple(passes),
+        distance=distance,
+        places=places,
+        level=level,
+        flags=flags,
+        stated=stated,
+        prior=np.minimum(_prior(cut, known, stated), np.stack([one.prior for one in said])),
+        slack=np.stack([one.unsure(places) ** 2 for one in passes]),
+        inside=np.stack([np.interp(places, distance, one) for one in inside]),
+        reference=reference,
+        cut=cut,
+        cut_reference=_cut_alike(reference, known, spacing),
+        whole=sines(reference, spacing),
+    )
+
+
+def _on(one: Placed, distance: Array) -> Array:
+    own = one.of.profile["distance"].to_numpy()
+    level = known_elevation(one.of.profile)
+    if own.size == distance.size and np.abs(own - distance).max() < 1e-6:
+        return level
+    return resample(own, level, distance)
+
+
+def _flags_on(one: Placed, distance: Array) -> NDArray[np.int16]:
+    own = one.of.profile["distance"].to_numpy()
+    nearest = np.searchsorted((own[1:] + own[:-1]) / 2, distance)
+    return one.of.profile["quality"].to_numpy().astype(np.int16)[nearest]
+
+
+def _inside(good: Mask, spacing: float) -> Array:
+    """Distance to the nearest point that is not good, beyond the ends nothing is [m]."""
+    padded = np.concatenate([[False], good, [False]])
+    return spacing * np.asarray(distance_transform_edt(padded))[1:-1]
+
+
+def _first_guess(level: Array, inside: Array, stated: Array) -> Array:
+    """Mean of the passes, weighted by what they know of the shorter waves, each fading in from its ends."""
+    knows = 1.0 / np.median(stated[:, LENGTHS < 25.0], axis=2).mean(axis=1)
+    weight = knows[:, None] * np.maximum(np.minimum(inside / _FEATHER, 1.0), 1e-6)
+    weight = np.where(np.isfinite(level), weight, 0.0)
+    total = weight.sum(axis=0)
+    mean = np.sum(weight * np.nan_to_num(level), axis=0) / np.where(total > 0, total, 1.0)
+    return np.where(total > 0, mean, np.nan)
+
+
+def _prior(cut: Sequence[Sines], known: Mask, stated: Array) -> Array:
+    """Density of the track: what estimates show of it and what they leave open, of the passes the median."""
+    shown = [
+        [np.mean(one.wave(wave)[here] ** 2) for wave in range(LENGTHS.size)]
+        for one, here in zip(cut, known, strict=True)
+    ]
+    found = np.median(np.array(shown) / POWER + stated.mean(axis=2), axis=0)
+    return np.maximum(found[:, None], stated / _INFORMED)
+
+
+def _cut_alike(reference: Array, known: Mask, spacing: float) -> tuple[Sines, ...]:
+    """The reference in the pieces of each pass: its ends then mislead both alike."""
+    made: dict[bytes, Sines] = {}
+    for here in known:
+        if here.tobytes() not in made:
+            made[here.tobytes()] = sines(np.where(here, reference, np.nan), spacing)
+    return tuple(made[here.tobytes()] for here in known)

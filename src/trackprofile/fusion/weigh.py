@@ -1,0 +1,187 @@
+"""What each pass is worth: how loud it is, what it shares with others, and whether it is to be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackprofile.bands import runs
+from trackprofile.fusion.combine import without_each
+from trackprofile.fusion.factors import Cells, Factors, cells, factors
+from trackprofile.fusion.joint import Trust, weights
+from trackprofile.fusion.judge import (
+    Contradiction,
+    Reason,
+    Stretches,
+    likeness,
+    louder_in,
+    louder_stretches,
+    outlying,
+    reason_of,
+)
+from trackprofile.fusion.laid import Laid
+from trackprofile.fusion.vehicles import Vehicles, hidden_by, notes_on, shared_by, vehicles_of
+from trackprofile.fusion.waves import JUDGED, RANGES
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+FEWEST = 3
+"""Passes from which one of them can be told to contradict the others."""
+
+TELLING = 1.5
+"""Standard deviations of the passes' scatter, over the stated, from which it is said."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """Passes and what they are worth.
+
+    Parameters
+    ----------
+    days : of the passes, about their mean (n)
+    active : passes that are used (n)
+    trust : in each
+    times : by band, the error of each over what it states, in standard deviations (n)
+    share : by band, what of the line rests on each, in the mean (n)
+    contradictions, notes : what was found
+    """
+
+    days: Array
+    active: Mask
+    trust: Trust
+    times: Mapping[str, Array]
+    share: Mapping[str, Array]
+    contradictions: tuple[Contradiction, ...]
+    notes: tuple[str, ...]
+
+
+def weigh(laid: Laid) -> Weighed:
+    """Find the variances that make the passes' differences most probable, and leave out what contradicts the rest."""
+    days = np.array([one.of.day.toordinal() for one in laid.passes], np.float64)
+    days -= days.mean()
+    vehicles = vehicles_of(laid)
+    every = [cells(laid, part) for part in RANGES]
+    active, said = np.ones(days.size, bool), dict[int, Contradiction]()
+    times = {part.name: np.ones(days.size) for part in JUDGED}
+    while True:
+        found = [
+            factors(each.of(active), days, vehicles.number, vehicles.tied(active)) for each in every
+        ]
+        for part in JUDGED:
+            over = louder_in(part, laid, found[RANGES.index(part)].louder)
+            times[part.name] = np.where(active, np.sqrt(over), times[part.name])
+        trust = _trust(laid, found, active, vehicles)
+        worst = _worst(laid, found, active, said)
+        if worst is None:
+            break
+        i, bands = worst
+        said[i] = _contradiction(laid, trust, i, bands, _ends(laid, i))
+        active[i] = said[i].used
+    local, places = _stretch_by_stretch(laid, every, found, days, vehicles, active, trust)
+    trust = replace(trust, local=trust.local * local)
+    notes = (
+        *_on_scatter(times, active),
+        *notes_on(vehicles, laid, found, active, trust.hidden),
+    )
+    shares = _shares(laid, days, trust)
+    return Weighed(days, active, trust, times, shares, (*said.values(), *places), notes)
+
+
+def _trust(laid: Laid, found: Sequence[Factors], active: Mask, vehicles: Vehicles) -> Trust:
+    left_out = np.where(active, 1.0, np.inf)[:, None, None]
+    return Trust(
+        louder=np.concatenate([each.louder for each in found], axis=1),
+        local=np.broadcast_to(left_out, (active.size, len(RANGES), laid.places.size)),
+        shared=shared_by(vehicles, found),
+        hidden=hidden_by(vehicles, laid, found, active),
+        vehicle=vehicles.number,
+    )
+
+
+def _worst(
+    laid: Laid, found: Sequence[Factors], active: Mask, said: Container[int]
+) -> tuple[int, Mapping[str, float]] | None:
+    """The pass that contradicts the others most, of those of which it is not yet said."""
+    if active.sum() < FEWEST:
+        return None
+    judged = [found[RANGES.index(part)] for part in JUDGED]
+    every = outlying(laid, judged, active)
+    left = {i: times for i, times in every.items() if i not in said}
+    return max(left.items(), key=lambda one: max(one[1].values()), default=None)
+
+
+def _ends(laid: Laid, i: int) -> tuple[float, float]:
+    known = laid.distance[np.isfinite(laid.level[i])]
+    return float(known[0]), float(known[-1])
+
+
+def _contradiction(
+    laid: Laid, trust: Trust, i: int, times: Mapping[str, float], ends: tuple[float, float]
+) -> Contradiction:
+    """Say why a pass contradicts the others from one place to another; only noise is no reason to leave it out."""
+    line = without_each(laid, trust)[i]
+    reason, size = reason_of(likeness(laid, i, line, times, *ends))
+    return Contradiction(
+        laid.passes[i].of.name, reason, *ends, tuple(times), max(times.values()), size,
+        used=reason is Reason.NOISE,
+    )  # fmt: skip
+
+
+def _stretch_by_stretch(
+    laid: Laid, every: Sequence[Cells], found: Sequence[Factors], days: Array, vehicles: Vehicles,
+    active: Mask, trust: Trust,
+) -> tuple[Array, list[Contradiction]]:  # fmt: skip
+    """How much louder passes are on stretches where they contradict the others (n, ranges, k), and where that is."""
+    local, said = np.ones(trust.local.shape), list[Contradiction]()
+    if active.sum() < FEWEST:
+        return local, said
+    for part in JUDGED:
+        number = RANGES.index(part)
+        of = every[number].of(active)
+        judged = louder_stretches(of, part, laid, days, vehicles.number, found[number])
+        for i in np.flatnonzero((judged.louder > 1).any(axis=1)):
+            local[i, number] = _faded(judged, judged.louder[i], laid.places)
+            for run in runs(judged.louder[i] > 1):
+                ends = float(judged.start[run.start]), float(judged.end[run.stop - 1])
+                times = {part.name: float(np.sqrt(judged.louder[i, run].max()))}
+                one = _contradiction(laid, trust, int(i), times, ends)
+                said.append(replace(one, used=True))
+    # What lies beyond the bands goes with the nearest.
+    local[:, 0], local[:, -1] = local[:, 1], local[:, -2]
+    return local, said
+
+
+def _faded(of: Stretches, louder: Array, places: Array) -> Array:
+    """The factor along the line: all of it on its stretch, fading to the middle of the next."""
+    middle = 0.5 * (of.start + of.end)
+    edges = np.append(of.start, of.end[-1])
+    at_edges = np.maximum(np.append(louder, 1.0), np.append(1.0, louder))
+    order = np.argsort(np.concatenate([middle, edges]), kind="stable")
+    at = np.concatenate([middle, edges])[order]
+    return np.exp(np.interp(places, at, np.log(np.concatenate([louder, at_edges])[order])))
+
+
+def _on_scatter(times: Mapping[str, Array], active: Mask) -> list[str]:
+    usual = {name: float(np.median(each[active])) for name, each in times.items()}
+    return [
+        f"{name}: the passes scatter {one:.2g} times as much as they state, and were taken at that"
+        for name, one in usual.items()
+        if one > TELLING
+    ]
+
+
+def _shares(laid: Laid, days: Array, trust: Trust) -> dict[str, Array]:
+    """What of the line on the mean day rests on each pass, by band."""
+    found = {}
+    for part in JUDGED:
+        of_waves = [
+            (laid.gain(wave) * weights(laid, wave, days, trust, 0.0).level).mean(axis=1)
+            for wave in part.numbers
+        ]
+        found[part.name] = np.mean(of_waves, axis=0)
+    return found
