@@ -146,6 +146,7 @@ def bring(job: Job) -> Outcome:
 
 def _brought(job: Job) -> tuple[State, Entry]:
     from trackprofile.assessment.assess import assess
+    from trackprofile.contracts import Rail, of_rail
     from trackprofile.inference.estimate import estimate
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.store import add, open_store
@@ -167,7 +168,7 @@ def _brought(job: Job) -> tuple[State, Entry]:
     )  # fmt: skip
     profile = _on_the_line(found.profile, row.offset)
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
-    assessment = assess(profile, means.limits, row.speed, spectra=spectra)
+    assessment = assess(of_rail(profile, Rail.MEAN), means.limits, row.speed, spectra=spectra)
     return State.STORED, add(store, place, profile, assessment, origin).entry
 
 
