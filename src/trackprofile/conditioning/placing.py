@@ -92,7 +92,8 @@ def placed(
     DataError : the fixes are far from the way, or the train turns.
     """
     run, found = run_of(moves), Placed()
-    if fixes is not None and len(kept := fresh_fixes(fixes)) > 1:
+    if fixes is not None:
+        kept = fresh_fixes(fixes)
         if way is not None and way.has_coordinates:
             found = _on_the_way(fixes, kept, way)
         else:
@@ -107,9 +108,13 @@ def _on_the_way(fixes: Fixes, kept: NDArray[np.intp], way: Way) -> Placed:
     near = np.isfinite(along)
     usual = float(np.median(beside[near])) if np.count_nonzero(near) > 1 else np.inf
     if usual > FAR_OFF:
+        where = (
+            f"{usual / 1000:.3g} km beside the way"
+            if np.isfinite(usual)
+            else "beyond the ends of the way"
+        )
         raise DataError(
-            f"The satellite positions lie {usual / 1000:.3g} km beside the way, or beyond its ends; expected them on "
-            "it: give the way that this train took, or none."
+            f"The satellite positions lie {where}; expected them on it: give the way that this train took, or none."
         )
     near &= beside <= max(NARROW, BESIDE * usual)
     along, kept = along[near], kept[near]
