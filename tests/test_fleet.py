@@ -16,11 +16,13 @@ from fleet_recordings import Ride, ride, write_recording
 from trackprofile.cli import main
 from trackprofile.errors import DataError, FileError
 from trackprofile.fleet.claims import check_claims
-from trackprofile.fleet.job import Job, Outcome, Row, State, bring
+from trackprofile.fleet.job import Job, Outcome, Row, State, bring, means_of, recording_of
 from trackprofile.fleet.manifest import read_manifest
 from trackprofile.fleet.night import Night
 from trackprofile.fleet.page import html
 from trackprofile.fleet.tables import recordings, sentences
+from trackprofile.io.limits_toml import limit_presets
+from trackprofile.io.model_toml import presets
 from trackprofile.store import create, find, open_store, read_profile
 
 LENGTH = 300.0  # m
@@ -303,6 +305,53 @@ def test_bad_input_leaves_the_store_untouched(
     assert message in said
     assert len(said.splitlines()) == 1
     assert not (folder / "store").exists()
+
+
+@pytest.mark.parametrize(
+    ("second", "message"),
+    [
+        ("two.nc", "both claim 300 m of Testline, up, 2026-05-31, run '', and differ"),
+        ("three.nc", "recording 2 (three.nc): there is no such file"),
+    ],
+)
+def test_a_wrong_manifest_leaves_the_store_untouched(
+    folder: Path, second: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = manifest(folder, 'file = "one.nc"', f'file = "{second}"')
+    with pytest.raises(SystemExit) as ended:
+        main(["fleet", str(path), "--store", str(folder / "store")])
+    assert ended.value.code == 1
+    assert message in capsys.readouterr().err
+    assert not (folder / "store").exists()
+
+
+def test_without_dask_one_sentence_says_what_to_install(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    path = manifest(folder, 'file = "one.nc"')
+    for options in ([], ["--scheduler", "tcp://127.0.0.1:9"]):
+        with pytest.raises(SystemExit) as ended:
+            main(["fleet", str(path), "--store", str(folder / "store"), *options])
+        assert ended.value.code == 1
+        assert "pip install 'trackprofile[network]'" in capsys.readouterr().err
+    assert not (folder / "store").exists()
+
+
+def test_what_a_version_depends_on_is_told_by_numbers_not_by_addresses(folder: Path) -> None:
+    said = {'vehicle = "{}"': presets("vehicle"), 'track = "{}"': presets("track"),
+            'prior = "{}"': ("german-low", "fra-6"), 'limits = "{}"': limit_presets()}  # fmt: skip
+    digests = []
+    for key, names in said.items():
+        head = "".join(line for line in HEAD.splitlines(True) if not line.startswith(key[:5]))
+        for name in names:
+            path = manifest(folder, f'file = "one.nc"\n{key.format(name)}', head=head)
+            only = read_manifest(path)[0]
+            means = means_of(only, recording_of(only))
+            assert " at 0x" not in repr(means)
+            digests.append(means.digest())
+    # The four that HEAD and the usual limits name are one and the same.
+    assert len(set(digests)) == len(digests) - 3
 
 
 def test_store_of_a_newer_schema_is_left_alone(folder: Path) -> None:

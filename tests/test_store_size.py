@@ -9,16 +9,22 @@ and measured here with ``TRACKPROFILE_STORE=FOLDER``; without, one line of 100 k
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
+from datetime import date
 from pathlib import Path
 
 import pytest
 
 from network import Network, fill
 from trackprofile import store as stores
+from trackprofile.store import Place, entry_id
+from trackprofile.store.entry import document
+from trackprofile.store.layout import ENTRIES
 
 VIEWS = """
 import json, resource, sys, time
@@ -75,6 +81,51 @@ def test_a_line_opens_within_a_second_and_a_kilometre_within_a_third(network: Pa
     assert told["kilometre"][0] < 0.3
     assert told["a profile of a kilometre"][0] < 0.05
     assert told["memory"] < 1e9
+
+
+CATALOGUE = """
+import json, sys, time
+from trackprofile import store as stores
+
+def timed(work):
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+store = stores.open_store(sys.argv[1])
+print(json.dumps([timed(lambda: stores.lines(store)), timed(lambda: stores.lines(store))]))
+"""
+
+
+@pytest.mark.acceptance
+def test_eight_thousand_passes_are_listed_in_less_than_half_a_second(tmp_path: Path) -> None:
+    store = stores.create(str(tmp_path))
+    (added,) = fill(store, Network(1, 600.0, 1))
+    for number in range(8000):  # 2,000 km passed 20 times, in recordings of 5 km
+        line, day, piece = number // 400, number // 20 % 20, number % 20
+        place = Place(f"Line {line}", "up", date(2026, 5, 1 + day), "06:12")
+        origin = replace(
+            added.entry.origin, recording=hashlib.sha256(str(number).encode()).hexdigest()
+        )
+        begin = 5000.0 * piece
+        entry = replace(
+            added.entry,
+            id=entry_id(place, origin),
+            place=place,
+            origin=origin,
+            start=begin,
+            end=begin + 5000,
+        )
+        path = tmp_path / entry.path(ENTRIES)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(document(entry))
+    command = [sys.executable, "-c", CATALOGUE, str(tmp_path)]
+    without = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    stores.build_index(store)
+    with_index = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    print(f"s of processor time, first and second: {without} without index, {with_index} with")  # noqa: T201
+    assert max(without) < 3.0
+    assert max(with_index) < 0.5
 
 
 @pytest.mark.acceptance

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -39,28 +38,32 @@ def check_claims(rows: Sequence[Row]) -> None:
     by_place: dict[Place, list[Row]] = defaultdict(list)
     for row in rows:
         by_place[row.place].append(row)
-    for place, together in by_place.items():
-        for one, other in combinations(_claims(together), 2):
-            shared = min(one.end, other.end) - max(one.start, other.start)
-            shorter = min(one.end - one.start, other.end - other.start)
-            if one.content != other.content and shared > min(OVERLAP, shorter / 2):
-                raise DataError(
-                    f"Recordings {one.row.number} ({one.row.file.name}) and {other.row.number} "
-                    f"({other.row.file.name}) both claim {shared:.0f} m of {place.line}, {place.direction}, "
-                    f"{place.day}, run {place.run!r}, and differ; give each pass of a day a run of its own, or leave "
-                    "one out."
-                )
+    for together in by_place.values():
+        claims: list[_Claim] = []
+        for row in together if len(together) > 1 else ():
+            try:
+                claim = _claim(row)
+            except TrackprofileError:
+                continue
+            for other in claims:
+                _check(other, claim)
+            claims.append(claim)
 
 
-def _claims(rows: Sequence[Row]) -> list[_Claim]:
-    if len(rows) < 2:
-        return []
-    claims = []
-    for row in rows:
-        try:
-            recording = recording_of(row)
-        except TrackprofileError:
-            continue
-        run = between(recording, -np.inf, None)["distance"].to_numpy() + row.offset
-        claims.append(_Claim(row, fingerprint(recording), float(run[0]), float(run[-1])))
-    return claims
+def _claim(row: Row) -> _Claim:
+    recording = recording_of(row)
+    run = between(recording, -np.inf, None)["distance"].to_numpy() + row.offset
+    return _Claim(row, fingerprint(recording), float(run[0]), float(run[-1]))
+
+
+def _check(one: _Claim, other: _Claim) -> None:
+    shared = min(one.end, other.end) - max(one.start, other.start)
+    shorter = min(one.end - one.start, other.end - other.start)
+    if one.content == other.content or shared <= min(OVERLAP, shorter / 2):
+        return
+    row = one.row
+    raise DataError(
+        f"Recordings {row.number} ({row.file.name}) and {other.row.number} ({other.row.file.name}) both claim "
+        f"{shared:.0f} m of {row.line}, {row.direction}, {row.day}, run {row.run!r}, and differ; give each pass of a "
+        "day a run of its own, or leave one out."
+    )

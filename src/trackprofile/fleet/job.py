@@ -114,7 +114,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class _Means:
+class Means:
     """All that a profile and its assessment depend on, but for the recording and this version."""
 
     vehicle: Vehicle
@@ -157,7 +157,7 @@ def _brought(job: Job) -> tuple[State, Entry]:
         )
     row, store = job.row, open_store(job.store)
     recording = recording_of(row)
-    means = _means(row, recording)
+    means = means_of(row, recording)
     place, origin = row.place, _origin(row, recording, means)
     entry = _stored(store, place, origin)
     if entry is not None:
@@ -197,12 +197,13 @@ def recording_of(row: Row) -> xr.Dataset:
     return between(recording, start, end)
 
 
-def _means(row: Row, recording: xr.Dataset) -> _Means:
+def means_of(row: Row, recording: xr.Dataset) -> Means:
+    """All that a row's profile depends on but for its recording, read."""
     from trackprofile.io.carrier import carrier
     from trackprofile.io.limits_toml import read_limits
     from trackprofile.io.model_toml import read_spectrum, read_track
 
-    return _Means(
+    return Means(
         *carrier(recording, row.file, row.vehicle),
         read_track(row.track),
         None if row.prior is None else read_spectrum(row.prior),
@@ -212,7 +213,7 @@ def _means(row: Row, recording: xr.Dataset) -> _Means:
     )
 
 
-def _origin(row: Row, recording: xr.Dataset, means: _Means) -> Origin:
+def _origin(row: Row, recording: xr.Dataset, means: Means) -> Origin:
     from trackprofile.contracts import fingerprint
     from trackprofile.store import Origin
 

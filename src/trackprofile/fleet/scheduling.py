@@ -60,7 +60,7 @@ def done(
                 waiting.extendleft(running.values())
                 running.clear()
                 ended.clear()
-            while waiting and len(running) < workers.count():
+            for _ in range(min(len(waiting), workers.count() - len(running))):
                 name = waiting.popleft()
                 future = client.submit(work, jobs[name], key=name, pure=False, retries=retries)
                 running[future] = name

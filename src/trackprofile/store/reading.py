@@ -97,8 +97,6 @@ def table(
     ------
     FileError : a file is missing or damaged.
     """
-    if name not in TABLES:
-        raise DataError(f"There is no table {name!r}; choose one of {', '.join(TABLES)}.")
     parts = [rows_of(store, entry, name, start, end) for entry in entries]
     if not parts:
         return {}
@@ -126,10 +124,10 @@ def rows_of(
     with _opened(store, entry.path(name)) as file:
         there = file.schema_arrow.names
         rows = file.read(None if wanted is None else [one for one in wanted if one in there])
-    if start is not None:
-        rows = rows.filter(pa.array(rows["end_m"].to_numpy() >= start))
-    if end is not None:
-        rows = rows.filter(pa.array(rows["start_m"].to_numpy() <= end))
+        if start is not None:
+            rows = rows.filter(pa.array(rows["end_m"].to_numpy() >= start))
+        if end is not None:
+            rows = rows.filter(pa.array(rows["start_m"].to_numpy() <= end))
     return rows
 
 
