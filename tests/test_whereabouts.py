@@ -191,7 +191,7 @@ def test_positions_beside_the_way_are_refused() -> None:
     one = ride(1, 120.0)
     given = sources(one, "gw", CALM)
     at, north, east = points(given.way)
-    other = Way(point_distance=at, latitude=north + 0.01, longitude=east + 0.01)
+    other = Way(point_distance=at, latitude=north + 0.01, longitude=east - 0.01)
     with pytest.raises(DataError, match="km beside the way; expected them on it"):
         whereabouts(replace(given, way=other), one.time)
     elsewhere = Way(point_distance=at, latitude=north - 30.0, longitude=east)
