@@ -80,7 +80,7 @@ CASES = st.builds(
 )
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(CASES)
 def test_posterior_is_that_of_dense_least_squares(one: Case) -> None:
     found = smooth(one.chain, one.values, one.variance)
@@ -97,7 +97,7 @@ def test_posterior_is_that_of_dense_least_squares(one: Case) -> None:
         np.testing.assert_allclose(found.covariance[k], covariance[here, here], atol=1e-7)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(CASES)
 def test_each_reading_is_told_by_all_the_others(one: Case) -> None:
     found = smooth(one.chain, one.values, one.variance)
@@ -110,7 +110,7 @@ def test_each_reading_is_told_by_all_the_others(one: Case) -> None:
         np.testing.assert_allclose(found.open[r], left, atol=1e-7)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(CASES)
 def test_score_is_the_slope_of_the_likelihood_over_a_jump(one: Case) -> None:
     found = smooth(one.chain, one.values, one.variance)
@@ -121,7 +121,7 @@ def test_score_is_the_slope_of_the_likelihood_over_a_jump(one: Case) -> None:
         np.testing.assert_allclose(found.precision[k], precision, atol=1e-7)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(CASES)
 def test_likelihood_is_that_of_a_normal_distribution(one: Case) -> None:
     expected = sum(
@@ -130,7 +130,7 @@ def test_likelihood_is_that_of_a_normal_distribution(one: Case) -> None:
     assert np.isclose(log_likelihood(one.chain, one.values, one.variance), expected)
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(CASES, st.floats(-3.0, 3.0))
 def test_smoothing_is_linear(one: Case, factor: float) -> None:
     centred = replace(one.chain, mean=0.0 * one.chain.mean)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trackprofile.conditioning.faults import ClockFault
-from trackprofile.conditioning.sources import Fixes, Sources
+from trackprofile.conditioning.sources import Fixes, Posts, Rolled, Shown, Sources, unwrapped
 from trackprofile.conditioning.whereabouts import Whereabouts, whereabouts
 from trackprofile.errors import DataError
 from trackprofile.location import Way
@@ -191,9 +191,12 @@ def test_positions_beside_the_way_are_refused() -> None:
     one = ride(1, 120.0)
     given = sources(one, "gw", CALM)
     at, north, east = points(given.way)
-    other = Way(point_distance=at, latitude=north + 0.05, longitude=east)
-    with pytest.raises(DataError, match="km beside the way, or beyond its ends"):
+    other = Way(point_distance=at, latitude=north + 0.01, longitude=east - 0.01)
+    with pytest.raises(DataError, match="km beside the way; expected them on it"):
         whereabouts(replace(given, way=other), one.time)
+    elsewhere = Way(point_distance=at, latitude=north - 30.0, longitude=east)
+    with pytest.raises(DataError, match="lie beyond the ends of the way"):
+        whereabouts(replace(given, way=elsewhere), one.time)
 
 
 def test_nothing_that_says_where_is_refused() -> None:
@@ -221,6 +224,98 @@ def test_posts_of_which_one_is_wrong_are_told_by_the_others() -> None:
     right, mended = judged(one, given), judged(one, wrong)
     assert mended.rms < right.rms + 1.0
     assert np.count_nonzero(mended.found.doubted & ClockFault.POSITION) == 1
+
+
+def odd(generator: np.random.Generator, count: int, size: float) -> Array:
+    """What a broken logger may write in a column."""
+    at = np.arange(count)
+    columns = (
+        np.full(count, np.nan),
+        np.zeros(count),
+        np.full(count, size),
+        size * generator.standard_normal(count),
+        np.linspace(0.0, size, count),
+        np.linspace(size, 0.0, count),
+        np.where(generator.random(count) < 0.9, np.nan, size * generator.random(count)),
+        size * np.sin(at / 9.0),
+        np.round(np.cumsum(size * generator.random(count)) / count),
+    )
+    column = columns[generator.integers(len(columns))].copy()
+    column[generator.integers(count)] *= generator.choice([1.0, 1.0, 1e6, np.nan])
+    return column
+
+
+def odd_sources(generator: np.random.Generator) -> tuple[Sources, Array]:
+    count = int(generator.choice([2, 3, 5, 20, 300]))
+    time = np.unique(generator.random(count)) * float(generator.choice([1e-3, 1.0, 60.0, 3e3]))
+    count, given = len(time), Sources()
+    north, east = (
+        np.clip(odd(generator, count, 50.0), -90, 90),
+        np.clip(odd(generator, count, 10.0), -180, 180),
+    )
+    counter, shown, posts = (
+        odd(generator, count, 1e3),
+        odd(generator, count, 30.0),
+        odd(generator, count, 12.0),
+    )
+    if generator.random() < 0.6:
+        given = replace(given, fixes=Fixes(time, north, east, odd(generator, count, 30.0)))
+    if generator.random() < 0.5 and np.count_nonzero(np.isfinite(counter)) > 1:
+        rolled, _ = unwrapped(counter)
+        known = np.isfinite(rolled)
+        given = replace(
+            given,
+            rolled=Rolled(
+                time[known], rolled[known], float(generator.choice([0.0, 0.03, 3.0])), 0.03
+            ),
+        )
+    if generator.random() < 0.4:
+        known = np.isfinite(shown)
+        given = replace(given, shown=Shown(time[known], np.abs(shown[known]), 0.28, 0.03))
+    if generator.random() < 0.4:
+        known = np.isfinite(posts)
+        given = replace(given, posts=Posts(time[known], posts[known], 5.0, 0.5))
+    if generator.random() < 0.3:
+        given = replace(
+            given, way=Way([0.0, 5e3], [10.0, 15.0], [0.0, 5e3], [50.0, 50.045], [8.0, 8.0])
+        )
+    return given, time
+
+
+def check_odd(seeds: range) -> None:
+    refused = 0
+    for seed in seeds:
+        given, time = odd_sources(np.random.default_rng(seed))
+        try:
+            found = whereabouts(given, time)
+        except DataError:
+            refused += 1
+            continue
+        for values in (found.distance, found.speed, found.deviation):
+            assert np.all(np.isfinite(values)), seed
+        assert np.all(np.diff(found.distance) >= 0.0), seed
+        assert np.all(found.speed >= 0.0), seed
+    assert 0 < refused < len(seeds)
+
+
+def test_broken_columns_are_refused_or_read_without_a_crash() -> None:
+    check_odd(range(30))
+
+
+@pytest.mark.acceptance
+def test_many_broken_columns_are_refused_or_read_without_a_crash() -> None:
+    check_odd(range(30, 400))
+
+
+def test_wheel_and_positions_that_contradict_each_other_are_refused() -> None:
+    one = ride(1, 120.0, stop=1e9)
+    given = sources(one, "go", CALM)
+    in_feet = replace(given.rolled, distance=given.rolled.distance / 0.3048)
+    with pytest.raises(
+        DataError,
+        match=r"the train ran 2\.\d+ km, by what else counts it [67]\.\d+ km; check the columns",
+    ):
+        whereabouts(replace(given, rolled=in_feet), one.time)
 
 
 COMBINATIONS = (

@@ -123,7 +123,8 @@ def _forwards(mean, covariance, F, Q, node, h, values, variance):  # pragma: no 
             P = F[k - 1] @ P @ F[k - 1].T + Q[k - 1]
         while r < rows and node[r] == k:
             p = P @ h[r]
-            S = variance[r] + h[r] @ p
+            # Rounding after a long time without readings may ask for less.
+            S = variance[r] + max(h[r] @ p, 0.0)
             for c in range(signals):
                 e = values[r, c]
                 for i in range(m):

@@ -17,7 +17,9 @@ SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
 """Of the ellipsoid of WGS 84, m."""
 
 DENSE = 20.0
-"""m between points of a line, among which the nearest is looked for."""
+"""m between points of a line, among which the nearest is looked for, but no more than ``MOST`` of them."""
+
+MOST = 1_000_000
 
 
 def cartesian(latitude: Array, longitude: Array) -> Array:
@@ -74,7 +76,8 @@ class Line:
 
     def _dense(self) -> tuple[Array, Array]:
         """The line with points no farther than ``DENSE`` apart."""
-        pieces = np.maximum(np.ceil(np.diff(self.distance) / DENSE), 1).astype(np.int64)
+        apart = max(DENSE, float(self.distance[-1] - self.distance[0]) / MOST)
+        pieces = np.maximum(np.ceil(np.diff(self.distance) / apart), 1).astype(np.int64)
         start = np.concatenate([[0], np.cumsum(pieces)])
         at = np.interp(np.arange(start[-1] + 1), start, self.distance)
         return at, np.stack([np.interp(at, self.distance, one) for one in self.point.T], axis=1)

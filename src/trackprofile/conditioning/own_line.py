@@ -25,13 +25,21 @@ STEERS = 0.5
 """m/s² per √s: how fast the acceleration of a position wanders, along and across."""
 
 SPACING = 5.0
-"""m between points of the line."""
+"""m between points of the line, but no more than ``MOST`` for each position."""
+
+MOST = 50
 
 FAR = 1e4
 """m, m per m or s, and so on: standard deviations of a curve's start."""
 
 BEYOND = 5.0
 """Standard deviations beyond which a position is given the noise that it shows."""
+
+FINEST = 0.01
+"""m: no position is better."""
+
+LEAST = 1e-6
+"""Of what is divided by."""
 
 PLANE = 2.0
 """Directions in which a position can be off."""
@@ -67,15 +75,15 @@ def own_line(time: Array, points: Array, run: Array | None) -> tuple[Array, Arra
     True
     """
     off = points - np.mean(points, axis=0)
-    if run is None:
-        run = _run(time, off)
-    at = np.unique(np.concatenate([np.arange(run[0], run[-1] + SPACING, SPACING), run]))
+    run = np.maximum.accumulate(_run(time, off) if run is None else run)
+    count = int(min((run[-1] - run[0]) / SPACING, MOST * len(run))) + 2
+    at = np.unique(np.concatenate([np.linspace(run[0], run[-1], count), run]))
     _, variance = _laid(_curve(at, run, BENDS[0]), off)
     curves = [_curve(at, run, bend) for bend in BENDS]
     likely = max(curves, key=lambda curve: log_likelihood(curve, off, variance))
     found, _ = _laid(likely, off)
     place, slope = found.state[:, 0], found.state[:, 1]
-    per_metre = np.linalg.norm(slope, axis=1)
+    per_metre = np.maximum(np.linalg.norm(slope, axis=1), LEAST)
     # What is left of the bends in a smooth curve is shorter by half the square of the directions that it lacks.
     lacking = np.minimum(found.covariance[:, 1, 1] / (2 * per_metre), LACKING)
     length = _integral(per_metre + lacking, at)
@@ -117,8 +125,8 @@ def _laid(curve: Chain, off: Array) -> tuple[Smoothed, Array]:
         rounds += 1
         found = smooth(curve, off, variance)
         squares = np.sum(found.error**2, axis=1)
-        shown = np.median(squares / (level + found.open)) / SQUARE_MEDIAN
-        level *= float(np.clip(shown, 0.25, 4.0))
+        shown = max(float(np.median(squares / (level + found.open))) / SQUARE_MEDIAN, LEAST)
+        level = max(level * float(np.clip(shown, 0.25, 4.0)), FINEST**2)
         far = squares > PLANE * BEYOND**2 * (level + found.open)
         before, own = own, np.where(far, squares / PLANE - found.open, 0.0)
         variance = np.where(far, own, level)

@@ -40,6 +40,9 @@ BACK = 100.0
 AROUND = 11
 """Fixes whose median says whether it did."""
 
+FASTEST, SHORTEST = 170.0, 1.0
+"""m/s, faster than any train, on average over a recording of at least so many s."""
+
 USUAL_SPEED = 20.0
 """m/s at a post, where nothing says it."""
 
@@ -92,7 +95,10 @@ def placed(
     DataError : the fixes are far from the way, or the train turns.
     """
     run, found = run_of(moves), Placed()
-    if fixes is not None and len(kept := fresh_fixes(fixes)) > 1:
+    if run is not None:
+        _check_speed(*run)
+    if fixes is not None:
+        kept = fresh_fixes(fixes)
         if way is not None and way.has_coordinates:
             found = _on_the_way(fixes, kept, way)
         else:
@@ -107,9 +113,13 @@ def _on_the_way(fixes: Fixes, kept: NDArray[np.intp], way: Way) -> Placed:
     near = np.isfinite(along)
     usual = float(np.median(beside[near])) if np.count_nonzero(near) > 1 else np.inf
     if usual > FAR_OFF:
+        where = (
+            f"{usual / 1000:.3g} km beside the way"
+            if np.isfinite(usual)
+            else "beyond the ends of the way"
+        )
         raise DataError(
-            f"The satellite positions lie {usual / 1000:.3g} km beside the way, or beyond its ends; expected them on "
-            "it: give the way that this train took, or none."
+            f"The satellite positions lie {where}; expected them on it: give the way that this train took, or none."
         )
     near &= beside <= max(NARROW, BESIDE * usual)
     along, kept = along[near], kept[near]
@@ -125,8 +135,9 @@ def _on_the_way(fixes: Fixes, kept: NDArray[np.intp], way: Way) -> Placed:
 
 def _on_their_own(fixes: Fixes, kept: NDArray[np.intp], run: Run | None) -> Placed:
     time = fixes.time[kept]
-    rough = None if run is None else np.interp(time, *run)
     points = cartesian(fixes.latitude[kept], fixes.longitude[kept])
+    rough = None if run is None else np.interp(time, *run)
+    _check_speed(time, np.linalg.norm(points - points[0], axis=1))
     along, beside = own_line(time, points, rough)
     near = beside <= max(NARROW, BESIDE * float(np.median(beside)))
     return Placed((of_fixes(fixes, kept[near], along[near]),), own_line=True)
@@ -171,6 +182,17 @@ def _sign(along: Array) -> float:
     """Of travel: 1 where distances rise, else -1."""
     half = max(len(along) // 2, 1)
     return -1.0 if np.median(along[-half:]) < np.median(along[:half]) else 1.0
+
+
+def _check_speed(time: Array, run: Array) -> None:
+    """Refuse a train that is faster than any."""
+    took = max(float(time[-1] - time[0]), SHORTEST)
+    mean = float(np.median(np.abs(run[-AROUND:] - run[0]))) / took
+    if not mean < FASTEST:
+        raise DataError(
+            f"By what is recorded of where it was the train ran at {3.6 * mean:.3g} km/h; check the columns and their "
+            "units."
+        )
 
 
 def _check_one_way(along: Array, time: Array) -> None:

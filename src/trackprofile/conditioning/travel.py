@@ -45,6 +45,9 @@ LOUDER = 3.0
 BOLDEST = 4.0
 """Times by which the variance of a source may change in one round."""
 
+BOLD = 0.05
+"""By which the logarithm of a wheel's scale may change in one round."""
+
 CHI_SQUARE_MEDIAN = 0.4549
 """Of the square of a standard normal number."""
 
@@ -177,7 +180,7 @@ def _settled(rows: Rows, assumed: Assumed, weights: Weights, speed: Array) -> _S
         chain, values = chain_of(rows, assumed, speed, weights.slip, weights.jerk)
         found = smooth(chain, values[:, None], weights.noise(rows))
         again = _judged(weights, rows, found, outliers_of_wheel=rounds >= WHEEL_FIRST)
-        error = float(np.median(found.state[:, SCALE, 0]))
+        error = float(np.clip(np.median(found.state[:, SCALE, 0]), -BOLD, BOLD))
         speed = np.maximum(found.state[:, V, 0], 0.0)
         done = rounds >= WHEEL_FIRST and _same(again, weights) and abs(error) < 1e-5
         if done or rounds == MOST_ROUNDS:

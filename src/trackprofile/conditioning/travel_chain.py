@@ -28,7 +28,9 @@ Q, V, A, SLIP, D, SCALE, WANDER, ORIGIN = range(8)
 """Places in the state."""
 
 GRID = 1.0
-"""s between nodes at most."""
+"""s between nodes at most, where that makes no more than ``MOST`` for each reading."""
+
+MOST = 50
 
 FAR = 1000.0
 """m: standard deviation of where the train begins, about where its sources say it does, and of what a wheel that says
@@ -131,7 +133,8 @@ def rows_of(
     times = [one.time for one in readings]
     begin = min(span[0], *(float(t[0]) for t in times if len(t)))
     end = max(span[1], *(float(t[-1]) for t in times if len(t)))
-    grid = np.linspace(begin, end, max(2, 1 + int(np.ceil((end - begin) / GRID))))
+    count = 2 + int(min((end - begin) / GRID, MOST * sum(map(len, times))))
+    grid = np.linspace(begin, end, count)
     time = np.unique(np.concatenate([grid, *times]))
     still = np.zeros(len(time), bool)
     stops, lost = np.zeros(len(time) - 1, bool), np.zeros(len(time) - 1, bool)

@@ -16,6 +16,7 @@ from trackprofile.conditioning.readings import (
     Readings,
     Source,
     Stand,
+    fresh_fixes,
     of_fix_speed,
     of_rolled,
     of_shown,
@@ -29,6 +30,11 @@ from trackprofile.conditioning.travel_chain import COMMON, FAR, Assumed
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
+
+FEWEST_FIXES = 3
+
+LONG, FARTHER = 500.0, 1.4
+"""m, over which the run by positions and by a wheel may not differ by more than this factor."""
 
 WALKING = 1.0
 """m/s: below, positions alone do not tell a train from one that stands."""
@@ -73,8 +79,10 @@ def whereabouts(sources: Sources, time: Array) -> Whereabouts:
     ------
     DataError : there is too little to tell, or the train turns.
     """
+    sources = _told(sources)
     moves = _moves(sources)
     places = placed(sources.fixes, sources.posts, sources.way, moves)
+    _check_run(moves, places)
     stands, dead = _stands(sources, moves, places)
     readings = [*places.readings, *(_without(one, dead) for one in moves)]
     if not any(len(one.time) > 1 for one in readings):
@@ -100,6 +108,38 @@ def whereabouts(sources: Sources, time: Array) -> Whereabouts:
         found.scale if told else 1.0,
         (*places.notes, *_said(found, dead, told=told)),
     )
+
+
+def _told(sources: Sources) -> Sources:
+    """The sources that say anything."""
+    fixes, rolled, shown, posts = sources.fixes, sources.rolled, sources.shown, sources.posts
+    return replace(
+        sources,
+        fixes=None if fixes is None or len(fresh_fixes(fixes)) < FEWEST_FIXES else fixes,
+        rolled=None if rolled is None or len(rolled.time) < 2 else rolled,
+        shown=None if shown is None or len(shown.time) < 2 else shown,
+        posts=None if posts is None or not len(posts.time) else posts,
+    )
+
+
+def _check_run(moves: Sequence[Readings], places: Placed) -> None:
+    """Refuse a wheel that rolls much farther than positions go, or less."""
+    run = run_of(moves)
+    if run is None:
+        return
+    for one in places.readings:
+        went, rolled = _from_end_to_end(one.value), _from_end_to_end(np.interp(one.time, *run))
+        if max(went, rolled) > LONG and not rolled / FARTHER < went < FARTHER * rolled:
+            raise DataError(
+                f"By {one.source} the train ran {went / 1000:.3g} km, by what else counts it {rolled / 1000:.3g} km; "
+                "check the columns, the units, and the odometer's per_revolution and wheel_diameter."
+            )
+
+
+def _from_end_to_end(places: Array) -> float:
+    """m from the middle of the first third of some places to that of the last."""
+    third = max(len(places) // 3, 1)
+    return abs(float(np.median(places[-third:]) - np.median(places[:third])))
 
 
 def _moves(sources: Sources) -> list[Readings]:
