@@ -6,9 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-settings.register_profile("same every time", deadline=None, derandomize=True)
+# How fast examples are drawn says how busy the machine is, and nothing of the code.
+settings.register_profile(
+    "same every time",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("same every time")
 
 SHARED = Path(__file__).parents[2] / "shared"

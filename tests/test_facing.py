@@ -55,7 +55,9 @@ def with_channels(recording: xr.Dataset, parts: list[Channel], end: str = "") ->
 
 
 def faced(recording: xr.Dataset, vehicle: Vehicle) -> tuple[Measured, Vehicle]:
-    return facing(measured(recording, Installation()), recording, vehicle, ZHAI)
+    installation = Installation()
+    sides, car = facing(measured(recording, installation), recording, vehicle, ZHAI, installation)
+    return sides.mean, car
 
 
 @pytest.mark.parametrize("vehicle", [VELARO, LOPSIDED], ids=["symmetric", "lopsided"])

@@ -29,6 +29,7 @@ from trackprofile.contracts import (
     with_rails,
 )
 from trackprofile.errors import DataError, RowError
+from trackprofile.inference import blocks
 from trackprofile.inference.blocks import Piece
 from trackprofile.inference.bound import limit_per_rail
 from trackprofile.inference.estimate import Estimate, estimate, infer
@@ -36,9 +37,10 @@ from trackprofile.inference.measured import measured
 from trackprofile.inference.rails import by_rail, levels_of
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import read_spectrum, write_vehicle
-from trackprofile.sensor import Installation, Sensor
+from trackprofile.sensor import Installation, Sensor, Uncertainty
 from trackprofile.spectrum import Spectrum
 from trackprofile.track import RigidTrack
+from trackprofile.vehicle import Parameter
 from two_rails import WAGON, Ridden, random_rails, recorded, ride
 
 SPEED, SAMPLING, LENGTH = 30.0, 100.0, 300.0
@@ -217,6 +219,39 @@ def test_a_side_that_is_turned_round_is_refused(body: str, monkeypatch) -> None:
     assert apart(1.0) is not None
     with pytest.raises(DataError, match="'a' and 'b' contradict each other"):
         apart(-1.0)
+
+
+def test_a_calibrated_gain_and_its_doubt_are_those_of_either_side(boxes) -> None:
+    recording, _, found = boxes
+    distance = recording["distance"].to_numpy()
+    louder = [replace(one, values=1.25 * one.values) for one in channels(recording)]
+    gained = replace(side("calibrated", 0.0), noise_density=1.25 * 5e-3 / np.sqrt(2), gain=1.25)
+    sure = Uncertainty(("gain of calibrated", "body mass"), ((1e-4, 0.0), (0.0, 0.01)))
+    car = replace(WAGON, parameters=(Parameter("body mass", "kg", (("body", "mass"),)),))
+    again = infer(
+        recording_of(louder, distance), car,
+        installation=Installation(sensors=(gained,), uncertainty=sure),
+    )  # fmt: skip
+    for rail in Rail:
+        one, other = of_rail(again, rail), of_rail(found.profile, rail)
+        np.testing.assert_allclose(one["elevation"], other["elevation"], atol=2e-5)
+        # A gain that may be 1 % off makes each point as much less sure.
+        more = np.sqrt(other["standard_deviation"] ** 2 + (0.01 * other["elevation"]) ** 2)
+        np.testing.assert_allclose(one["standard_deviation"], more, rtol=0.05)
+
+
+@pytest.mark.acceptance
+def test_a_long_ride_is_taken_up_again_in_both_halves(monkeypatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "LENGTH", 1500.0)
+    monkeypatch.setattr(blocks, "LENGTH", 700.0)
+    recording, _ = made(BOXES)
+    kept: dict[int, Piece] = {}
+    whole = estimate(recording, WAGON, draws=4, kept=kept)
+    assert sorted(kept) == [0, 1, 2, 3]
+    for lost in (1, 2):
+        del kept[lost]
+    again = estimate(recording, WAGON, draws=4, kept=kept)
+    xr.testing.assert_identical(again.profile, whole.profile)
 
 
 def test_roll_alone_is_refused() -> None:

@@ -5,14 +5,15 @@ The data come from a car on two rails in which every spring stands by itself (`t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from test_at_the_limit import spectral_rms
-from trackprofile.bands import BANDS
+from trackprofile.bands import BANDS, band_pass
 from trackprofile.comparison import compare
 from trackprofile.contracts import (
     Rail,
@@ -27,6 +28,7 @@ from trackprofile.inference.estimate import infer
 from trackprofile.inference.ride import build_ride
 from trackprofile.inference.smoother import prepare, smooth, start_of_ride
 from trackprofile.io.model_toml import read_spectrum, read_vehicle
+from trackprofile.io.table import read_columns
 from trackprofile.motion import Motion
 from trackprofile.roll import halves_of, pairs_of, rolling
 from trackprofile.sensor import Sensor
@@ -211,3 +213,46 @@ def test_the_interval_of_each_rail_holds_it(place: str, capsys: pytest.CaptureFi
                 assert error < 1.4 * stated, rail
             else:
                 assert covered > 0.90, (rail, band)
+
+
+@pytest.mark.acceptance
+def test_real_rails_are_told_apart_under_a_simulated_car(
+    shared: Callable[[str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = read_columns(
+        shared("data/hokuriku/section_a.csv"), ["level_rail1_mm", "level_rail2_mm"]
+    )
+    rails = 1e-3 * np.stack([*map(np.asarray, table.values())], axis=1)
+    rails = rails[: len(rails) // 2 * 2] - rails.mean(axis=0)
+    # What the method rests on: mean and difference of real rails know nothing of each other.
+    for band in BANDS[:2]:
+        left, right = (band_pass(one, KNOTS, band) for one in rails.T)
+        assert abs(np.corrcoef(left + right, left - right)[0, 1]) < 0.1
+        assert np.corrcoef(left, right)[0, 1] > 0.8
+    waves = np.fft.rfft(np.concatenate([rails, rails[::-1]]), axis=0)
+    waves[0], speed, sampling, sensors = 0.0, 40.0, 160.0, PLACES["axle boxes"]
+    run = ride(VELARO, RigidTrack(), sensors, speed, sampling, waves, len(rails))
+    parts = recorded(sensors, run.signals, sampling, np.random.default_rng(5))
+    still = np.zeros(len(rails))
+    recording = build_recording(
+        parts, time=run.distance / speed, distance=run.distance, speed=still + speed
+    )
+    found = infer(recording, VELARO)
+    sides = {rail: RailLevel(run.rails[:, i]) for i, rail in enumerate((Rail.LEFT, Rail.RIGHT))}
+    truth = with_rails(
+        build_profile(run.distance, run.rails.mean(axis=1), kind="truth"), sides
+    )  # fmt: skip
+    for rail in Rail:
+        bands = compare(
+            of_rail(found, rail), of_rail(truth, rail), from_m=200.0, to_m=1970.0, largest_lag=0.0
+        ).bands
+        for band in ("D1", "D2"):
+            one = bands[band]
+            assert one is not None
+            assert one.coverage_95 is not None
+            with capsys.disabled():
+                print(  # noqa: T201
+                    f"  real rails, {rail} {band}: {100 * one.coverage_95:.1f} %, error {one.rms_error_mm:.3f} of "
+                    f"{one.reference_rms_mm:.3f} mm"
+                )
+            assert one.coverage_95 > 0.90, (rail, band)

@@ -26,6 +26,9 @@ from trackprofile.vehicle import Body, Link, Parameter, Vehicle, Wheel, paramete
 
 Array = NDArray[np.float64]
 
+AMPLITUDES = ("noise_density",)
+"""What a sensor may state of its noise, which adds up by squares over sensors that know nothing of each other."""
+
 SAME_PLACE = 0.05
 """m along the car, by which the two of a pair may stand apart."""
 
@@ -125,6 +128,19 @@ def rolling_wheels(vehicle: Vehicle) -> RollingVehicle:
         source=vehicle.source,
         contact_spacing=vehicle.contact_spacing,
     )
+
+
+def rolling_for(vehicle: Vehicle, track: PointTrack, sensors: Sequence[Sensor]) -> RollingVehicle:
+    """The rolling car for such sensors: its wheelsets alone where these are all that is needed and known.
+
+    Raises
+    ------
+    ModelError
+        As of :func:`rolling`.
+    """
+    wheels = {wheel.name for wheel in vehicle.wheels}
+    alone = isinstance(track, RigidTrack) and all(one.body in wheels for one in sensors)
+    return rolling_wheels(vehicle) if alone and roll_unknowns(vehicle, track) else rolling(vehicle)
 
 
 def rolling_track(track: PointTrack) -> PointTrack:
@@ -313,14 +329,15 @@ def _together(left: Sensor, right: Sensor, weights: Array) -> Sensor:
     def root(one: float, other: float) -> float:
         return float(np.hypot(weights[0] * one, weights[1] * other))
 
-    noise = None
-    if left.noise_density is not None and right.noise_density is not None:
-        noise = root(left.noise_density, right.noise_density)
+    noises = dict.fromkeys(AMPLITUDES)
+    for name in AMPLITUDES:
+        one, other = getattr(left, name), getattr(right, name)
+        noises[name] = None if one is None or other is None else root(one, other)
     return replace(
         left,
         position=0.5 * (left.position + right.position),
         lateral=0.0,
-        noise_density=noise,
+        **noises,
         offset=root(left.offset_standard_deviation, right.offset_standard_deviation),
         drift=root(left.drift_rate, right.drift_rate),
         flicker=root(left.flicker or 0.0, right.flicker or 0.0) or None,

@@ -11,7 +11,7 @@ from trackprofile.bands import BANDS, Band
 from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
 from trackprofile.receptance import point_track
-from trackprofile.roll import halves_of, pairs_of, rolling, rolling_track
+from trackprofile.roll import halves_of, pairs_of, rolling_for, rolling_track
 from trackprofile.sensor import Sensor, stated_noise
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import state_space, transfer_function
@@ -119,8 +119,9 @@ def limit_per_rail(
     mean, difference = halves_of(sensors, pairs_of(sensors), vehicle.contact_spacing)
     found = {Rail.MEAN: limit(vehicle, track, mean.sensors, speed, prior, bands)}
     if difference.sensors:
+        car = rolling_for(vehicle, point_track(track), difference.sensors)
         support = rolling_track(point_track(track))
-        across = limit(rolling(vehicle), support, difference.sensors, speed, prior, bands)
+        across = limit(car, support, difference.sensors, speed, prior, bands)
         side = {
             band: float(np.hypot(error, 0.5 * across[band]))
             for band, error in found[Rail.MEAN].items()

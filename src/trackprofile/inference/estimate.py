@@ -32,7 +32,7 @@ from trackprofile.inference.rails import ByRail, levels_of, of_difference
 from trackprofile.inference.sensitivity import with_gains
 from trackprofile.inference.wiring import rewired
 from trackprofile.receptance import point_track
-from trackprofile.roll import rolling_track
+from trackprofile.roll import rolling_for, rolling_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum
 from trackprofile.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
@@ -95,7 +95,8 @@ def infer(
     vehicle : the vehicle that carries the sensors
     installation : of the sensors, from a calibration; None takes the recording's word
     track : what the wheels stand on; None is a rigid track
-    prior : spectrum of the profile before anything is measured; None finds its level and knee from the data
+    prior : spectrum of the profile, the mean of both rails, before anything is measured; None finds its level from the
+        data. That of the rails' difference is always found from the data
     draws : number of posterior draws behind the bands' standard deviations; None: 128, for a long ride down to 24
     seed : of the draws
     correct : take off what the full model of a layered track makes of the profile beyond the point track that
@@ -225,10 +226,12 @@ def _inferred(
 def _of_difference(ride: _Ride, sides: ByRail, mean: _Inferred) -> _Ride:
     """On the rolling car, loaded as it was found to be; a full model of the track that rolls there is none."""
     assert sides.difference is not None
-    car = sides.rolling(mean.model.vehicle)
+    support = point_track(ride.track)
+    car = rolling_for(mean.model.vehicle, support, sides.halves[1].sensors)
     installation = of_difference(ride.installation, ride.vehicle, car, sides.difference)
-    track = rolling_track(point_track(ride.track))
-    return replace(ride, vehicle=car, installation=installation, track=track, correct=False)
+    return replace(
+        ride, vehicle=car, installation=installation, track=rolling_track(support), correct=False
+    )
 
 
 def _together(

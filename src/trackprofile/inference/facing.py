@@ -24,17 +24,20 @@ def facing(
     Raises
     ------
     DataError
-        See :func:`trackprofile.inference.wiring.rewired` and :func:`trackprofile.inference.rails.by_rail`.
+        See :func:`trackprofile.inference.wiring.rewired` and `trackprofile.inference.rails.by_rail`.
     """
+
+    def ahead(turned: bool) -> Vehicle:
+        return turned_round(vehicle) if turned else vehicle
+
     if leading_end(recording) == LAST:
-        data, vehicle = turned_sensors(data), turned_round(vehicle)
-    sides = by_rail(data, vehicle, track, installation)
-    mean = rewired(sides.mean, vehicle, track)
+        data = turned_sensors(data)
+    sides = by_rail(data, ahead(data.turned), track, installation)
+    mean = rewired(sides.mean, ahead(data.turned), track)
     if mean.turned != data.turned:
         # What stood to the left stands to the right.
-        vehicle = turned_round(vehicle)
-        sides = by_rail(turned_sensors(data), vehicle, track, installation)
-    return replace(sides, mean=mean), vehicle
+        sides = by_rail(turned_sensors(data), ahead(mean.turned), track, installation)
+    return replace(sides, mean=mean), ahead(mean.turned)
 
 
 def expect_as_described(recording: xr.Dataset, verb: str) -> None:

@@ -21,14 +21,13 @@ from trackprofile.errors import DataError
 from trackprofile.inference.blocks import Piece
 from trackprofile.inference.measured import Measured
 from trackprofile.roll import (
+    AMPLITUDES,
     Half,
     Pair,
     RollingVehicle,
     halves_of,
     pairs_of,
     roll_unknowns,
-    rolling,
-    rolling_wheels,
     shared_noise,
 )
 from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor, Uncertainty
@@ -60,7 +59,6 @@ class ByRail:
     recorded : as the sensors have it
     mean, difference : what of it is the mean's, and the difference's; None where that is not told
     halves : the sensors of both
-    on_wheels : whether the difference is read on wheelsets alone, of a car whose roll is not known
     shared : correlation of the noise of mean and difference, of the pair where it is greatest
     """
 
@@ -68,12 +66,7 @@ class ByRail:
     mean: Measured
     difference: Measured | None
     halves: tuple[Half, Half]
-    on_wheels: bool = False
     shared: float = 0.0
-
-    def rolling(self, vehicle: Vehicle) -> RollingVehicle:
-        """The car that the difference is inferred on."""
-        return rolling_wheels(vehicle) if self.on_wheels else rolling(vehicle)
 
     def reproduced(self, mean: Array, difference: Array | None) -> dict[str, Array]:
         """What is reproduced of each sensor on board, from that of mean and difference, (samples, sensors) each."""
@@ -118,7 +111,7 @@ def by_rail(
         return ByRail(data, of_mean, None, (mean, difference))
     of_both = replace(_combined(data, difference), faults=(), notes=())
     shared = max((abs(shared_noise(sides[p.left], sides[p.right], p)) for p in pairs), default=0.0)
-    return ByRail(data, of_mean, of_both, (mean, difference), bool(unknown), shared)
+    return ByRail(data, of_mean, of_both, (mean, difference), shared)
 
 
 def mean_alone(data: Measured, vehicle: Vehicle, installation: Installation) -> Measured:
@@ -235,7 +228,8 @@ def _alone(data: Measured, pairs: list[Pair]) -> list[str]:
     paired = {number for pair in pairs for number in (pair.left, pair.right)}
     return [
         f"{one.name!r} stands {abs(one.lateral):g} m to the {'left' if one.lateral > 0 else 'right'} without another "
-        "that is good at the same place on the other side: what roll adds to it is read as profile"
+        "on the other side, at the same place, of the same bandwidth and good with it: what roll adds to it is read as "
+        "profile"
         for i, one in enumerate(data.sensors)
         if one.lateral and one.quantity == VERTICAL_ACCELERATION and i not in paired
     ]
@@ -290,10 +284,13 @@ def _is_calibrated(sensor: Sensor, installation: Installation) -> bool:
 def _one_side(sensor: Sensor) -> Sensor:
     """One of two whose mean reads as a calibration found it: √2 times as noisy."""
     root = float(np.sqrt(2.0))
-    noise = sensor.noise_density
+    noises = dict.fromkeys(AMPLITUDES)
+    for name in AMPLITUDES:
+        noise = getattr(sensor, name)
+        noises[name] = None if noise is None else root * noise
     return replace(
         sensor,
-        noise_density=None if noise is None else root * noise,
+        **noises,
         offset=root * sensor.offset_standard_deviation,
         drift=root * sensor.drift_rate,
         flicker=None if sensor.flicker is None else root * sensor.flicker,

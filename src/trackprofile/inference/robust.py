@@ -61,9 +61,6 @@ BOLDEST = 30.0
 FREE_ROUNDS = 4
 """After which noise falls only by half on a logarithmic scale, so that the rounds do not go in circles."""
 
-FORGOTTEN = 2.0
-"""Times the noise variance of its stretch below which a sample's own noise is dropped on its way down."""
-
 MOST_ROUNDS = 20
 """Good data need one; spikes three or four, because of those in the shade of others."""
 
@@ -128,12 +125,12 @@ def settle(
         wandering = with_offsets(ride, weights.jumps + np.outer(walk.duration, weights.drift))
         prepared = prepare(wandering, spectrum, noise, start)
         smoothed, judged = smooth(prepared, signals), variances(prepared)
-        again, usual = _judged(weights, ride, variance, noise, smoothed, judged)
+        again = _judged(weights, ride, variance, noise, smoothed, judged)
         if rounds > FREE_ROUNDS:
             again = _held(again, weights, variance)
         if rounds > FREE_ROUNDS or _same(again, weights, variance):
             # Drift is judged last: as long as outliers and jumps are not told apart, they look like it.
-            again = _drifting(again, smoothed, judged, walk, usual)
+            again = _drifting(again, smoothed, judged, walk)
         if _same(again, weights, variance) or rounds == MOST_ROUNDS:
             return Settled(prepared, smoothed, judged, weights, rounds)
         weights = again
@@ -141,35 +138,32 @@ def settle(
 
 def _judged(
     weights: Weights, ride: Ride, variance: Array, noise: Array, smoothed: Smoothed, judged: Variances
-) -> tuple[Weights, float]:  # fmt: skip
-    """The weights that the last round asks for, and how loud the loudest sensor is all along."""
+) -> Weights:  # fmt: skip
+    """The weights that the last round asks for."""
     error = smoothed.residual[:, 0] / (noise * judged.precision)
     open_ = np.maximum(1.0 / judged.precision - noise, 0.0)
     squares = np.square(error)
-    louder, beyond = np.ones_like(variance), np.zeros(len(variance), bool)
-    loudest, bar = 1.0, 1.0
+    louder, beyond, bar = np.ones_like(variance), np.zeros(len(variance), bool), 1.0
     for i in range(ride.offsets):
         rows = ride.sensors == i
         louder[rows], usual, here = _louder(squares[rows], open_[rows], variance[rows])
         most = BEYOND**2 * usual * (louder * variance + open_)
         beyond[rows] = squares[rows] > most[rows]
         # What the model leaves open in one signal moves the offsets of the others too.
-        loudest, bar = max(loudest, usual), max(bar, here)
+        bar = max(bar, here)
     own = np.where(beyond, squares - open_, 0.0)
     offsets = zip(weights.jumps.T, smoothed.offset_score.T, judged.offset_precision.T, strict=True)
     jumps = np.stack([_jumps(*offset, BEYOND**2 * bar) for offset in offsets], axis=1)
-    return replace(weights, louder=louder, own=own, jumps=jumps), loudest
+    return replace(weights, louder=louder, own=own, jumps=jumps)
 
 
-def _drifting(
-    weights: Weights, smoothed: Smoothed, judged: Variances, walk: Walk, loudest: float
-) -> Weights:
-    """The weights, with the walk that each offset shows beyond what the model's error looks like."""
+def _drifting(weights: Weights, smoothed: Smoothed, judged: Variances, walk: Walk) -> Weights:
+    """The weights, with the walk that each offset shows."""
     usual = walk.rate**2
     # A second jump of the same offset makes a walk more likely than chance.
     known = (weights.drift > 0.0) | (np.count_nonzero(weights.jumps, axis=0) > 1)
     score, precision = smoothed.offset_score, judged.offset_precision
-    shown = walk.duration @ np.square(score) / (walk.duration @ precision) / loudest
+    shown = walk.duration @ np.square(score) / (walk.duration @ precision)
     changes = (shown > np.where(known, FASTER, NOTED)) | (known & (shown < 1.0 / FASTER))
     bold = np.clip(shown, 1.0 / BOLDEST, BOLDEST)
     drift = np.maximum((usual + weights.drift) * bold - usual, 0.0)
@@ -212,15 +206,10 @@ def _louder(squares: Array, open_: Array, variance: Array) -> tuple[Array, float
 
 
 def _held(again: Weights, last: Weights, variance: Array) -> Weights:
-    """The same, but no noise falls by more than half on a logarithmic scale, above that of the sensor.
-
-    Two samples of a burst, each believed as long as the other is not, would take turns for ever.
-    """
+    """The same, but no noise falls by more than half on a logarithmic scale, above that of the sensor."""
     before = last.noise(variance)
     least = np.sqrt(before * variance)
-    # No sample of its own noise is believed more than the stretch it stands in.
-    staying = (again.own > 0.0) | ((last.own > 0.0) & (least > FORGOTTEN * again.louder * variance))
-    own = np.where(staying, np.maximum(again.own, least), again.own)
+    own = np.where((again.own > 0.0) & (again.own < least), least, again.own)
     least = np.where(last.own > 0.0, variance, least)
     return replace(again, own=own, louder=np.maximum(again.louder, least / variance))
 

@@ -25,7 +25,7 @@ from trackprofile.store.room import Store
 _KEPT = 50_000  # rows in memory, of some 3 kB
 
 
-class Row(NamedTuple):
+class Listed(NamedTuple):
     """What is asked for of an entry, and the whole of it as its file has it."""
 
     path: str
@@ -63,7 +63,7 @@ _SCHEMA = pa.schema(
 
 
 def entry_table(store: Store, folder: str = ENTRIES) -> pa.Table:
-    """All entries below a folder, a `Row` each.
+    """All entries below a folder, a `Listed` each.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def entry_table(store: Store, folder: str = ENTRIES) -> pa.Table:
     return pa.concat_tables([known, _table(fresh)])
 
 
-def rows_below(store: Store, folder: str) -> tuple[Row, ...]:
+def rows_below(store: Store, folder: str) -> tuple[Listed, ...]:
     """All entries below a folder, each from its own file.
 
     Raises
@@ -146,7 +146,7 @@ def _known(store: Store, there: dict[str, Found]) -> pa.Table:
     return _SCHEMA.empty_table()
 
 
-def _rows(store: Store, found: Iterable[Found]) -> tuple[Row, ...]:
+def _rows(store: Store, found: Iterable[Found]) -> tuple[Listed, ...]:
     rows = []
     for one in found:
         try:
@@ -162,14 +162,14 @@ def _index(files: Files, path: str) -> pa.Table:
 
 
 @lru_cache(_KEPT)
-def _read(files: Files, path: str, size: int, stamp: str) -> Row:
+def _read(files: Files, path: str, size: int, stamp: str) -> Listed:
     """What an entry's file says, read once for as long as it is not replaced."""
     content = files.read(path)
     return _row(parsed(content, path), content)
 
 
-def _row(entry: Entry, content: bytes) -> Row:
-    return Row(
+def _row(entry: Entry, content: bytes) -> Listed:
+    return Listed(
         path=entry.path(ENTRIES),
         size=len(content),
         entry=entry.id,
@@ -186,7 +186,7 @@ def _row(entry: Entry, content: bytes) -> Row:
     )
 
 
-def _table(rows: Collection[Row]) -> pa.Table:
+def _table(rows: Collection[Listed]) -> pa.Table:
     columns = list(zip(*rows, strict=True)) or [()] * len(_SCHEMA)
     arrays = [pa.array(one, field.type) for one, field in zip(columns, _SCHEMA, strict=True)]
     return pa.table(arrays, schema=_SCHEMA)
