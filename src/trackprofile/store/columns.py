@@ -10,7 +10,7 @@ What is kept, and how exactly:
 ``quality`` and other flags    to the bit
 =============================  ======================================================================
 
-The digits that are left out are noise of what a sensor can tell, and are two thirds of what would have to be stored.
+The digits that are left out tell nothing that a sensor can, and are four fifths of what would have to be stored.
 """
 
 from __future__ import annotations
