@@ -45,7 +45,12 @@ def smoother_of(sensors: Sequence[Sensor], prior: str, samples: int) -> Filter:
 
 
 def simulated(
-    sensors: Sequence[Sensor], prior: str, samples: int, draws: int, generator: np.random.Generator
+    sensors: Sequence[Sensor],
+    prior: str,
+    samples: int,
+    draws: int,
+    generator: np.random.Generator,
+    shortest: float = SHORTEST,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Profiles (samples, draws) under the leading wheel and signals (samples, sensors, draws) with noise and offset.
 
@@ -53,7 +58,7 @@ def simulated(
     """
     spectrum = read_spectrum(prior)
     omega = 2 * np.pi * np.fft.rfftfreq(samples, BETWEEN)
-    waves = (omega > 0) & (omega <= 2 * np.pi / SHORTEST)
+    waves = (omega > 0) & (omega <= 2 * np.pi / shortest)
     height = np.zeros((len(omega), draws), complex)
     turns = np.exp(2j * np.pi * generator.random((int(waves.sum()), draws)))
     height[waves] = np.sqrt(2 * spectrum.density(omega[waves]) * omega[1])[:, None] * turns
