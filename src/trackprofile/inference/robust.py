@@ -55,8 +55,11 @@ LEAST_TOLD = 1e-9
 FASTER = 1.25
 """Times its variance, or that part of it, that an offset's walk has to show before it is believed."""
 
-NOTED = 4.0
-"""The same of a walk that was as usual so far, over what the model leaves unexplained of the samples."""
+NOTED = 5.0
+"""The same of a walk that was as usual so far, over what samples show beyond their noise."""
+
+MOSTLY = 4.0
+"""Times what half of the stretches show, or less, that is taken for what the model leaves: more is a fault."""
 
 EXPLAINED = 2.0
 """Times its variance, or less, that samples show where the model explains them."""
@@ -131,13 +134,13 @@ def settle(
         wandering = with_offsets(ride, weights.jumps + np.outer(walk.duration, weights.drift))
         prepared = prepare(wandering, spectrum, noise, start)
         smoothed, judged = smooth(prepared, signals), variances(prepared)
-        again, bar = _judged(weights, ride, variance, noise, smoothed, judged)
+        again, left = _judged(weights, ride, variance, noise, smoothed, judged)
         shown = _wandering(smoothed, judged, walk)
         if rounds > FREE_ROUNDS:
             again = _held(again, weights, variance)
         if rounds > FREE_ROUNDS or _same(again, weights, variance):
             # Drift is judged last: as long as outliers and jumps are not told apart, they look like it.
-            again = _drifting(again, np.minimum(shown, before), walk, bar)
+            again = _drifting(again, np.minimum(shown, before), walk, left)
         if _same(again, weights, variance) or rounds == MOST_ROUNDS:
             return Settled(prepared, smoothed, judged, weights, rounds)
         weights, before = again, shown
@@ -146,18 +149,19 @@ def settle(
 def _judged(
     weights: Weights, ride: Ride, variance: Array, noise: Array, smoothed: Smoothed, judged: Variances
 ) -> tuple[Weights, float]:  # fmt: skip
-    """The weights that the last round asks for, and what samples show over their variance for the model's errors."""
+    """The weights that the last round asks for, and times their variance what samples show that the model leaves."""
     error = smoothed.residual[:, 0] / (noise * judged.precision)
     open_ = np.maximum(1.0 / judged.precision - noise, 0.0)
     squares = np.square(error)
-    louder, beyond, bar = np.ones_like(variance), np.zeros(len(variance), bool), 1.0
+    louder, beyond = np.ones_like(variance), np.zeros(len(variance), bool)
+    bar = left = 1.0
     for i in range(ride.offsets):
         rows = ride.sensors == i
         louder[rows], usual, here = _louder(squares[rows], open_[rows], variance[rows])
         most = BEYOND**2 * usual * (louder * variance + open_)
         beyond[rows] = squares[rows] > most[rows]
         # What the model leaves open in one signal moves the offsets of the others too.
-        bar = max(bar, here)
+        bar, left = max(bar, here), max(left, min(here, MOSTLY * usual))
     own = np.where(beyond, squares - open_, 0.0)
     offsets = zip(weights.jumps.T, smoothed.offset_score.T, judged.offset_precision.T, strict=True)
     judgements = [_jumps(*offset, BEYOND**2 * bar) for offset in offsets]
@@ -165,7 +169,10 @@ def _judged(
     # Of the new ones the clearest: what two sensors show at one place may be one's fault, or the track's.
     new = (jumps > 0.0) & (weights.jumps == 0.0)
     jumps[new & (clear < np.max(clear, initial=0.0, where=new))] = 0.0
-    return replace(weights, louder=louder, own=own, jumps=jumps), bar
+    if np.any((weights.jumps > 0.0) & (jumps == 0.0)):
+        # Samples may have seemed good only for the jump that goes.
+        own = np.where(own > 0.0, own, weights.own)
+    return replace(weights, louder=louder, own=own, jumps=jumps), left
 
 
 def _wandering(smoothed: Smoothed, judged: Variances, walk: Walk) -> Array:
@@ -174,13 +181,13 @@ def _wandering(smoothed: Smoothed, judged: Variances, walk: Walk) -> Array:
     return walk.duration @ np.square(score) / (walk.duration @ precision)
 
 
-def _drifting(weights: Weights, shown: Array, walk: Walk, bar: float) -> Weights:
-    """The weights, with the walk that each offset shows."""
+def _drifting(weights: Weights, shown: Array, walk: Walk, left: float) -> Weights:
+    """The weights, with the walk that each offset shows, where ``left`` is left of the samples by the model."""
     usual = walk.rate**2
     # A second jump of the same offset makes a walk more likely than chance, if the model explains the rest.
-    twice = (np.count_nonzero(weights.jumps, axis=0) > 1) & (bar < EXPLAINED)
+    twice = (np.count_nonzero(weights.jumps, axis=0) > 1) & (left < EXPLAINED)
     known = (weights.drift > 0.0) | twice
-    changes = (shown > np.where(known, FASTER, NOTED * bar)) | (known & (shown < 1.0 / FASTER))
+    changes = (shown > np.where(known, FASTER, NOTED * left)) | (known & (shown < 1.0 / FASTER))
     bold = np.clip(shown, 1.0 / BOLDEST, BOLDEST)
     drift = np.maximum((usual + weights.drift) * bold - usual, 0.0)
     drift = np.where(changes, drift, weights.drift)
