@@ -7,16 +7,23 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from trackprofile.errors import FileError
+from trackprofile.errors import DataError, FileError
 from trackprofile.io import apart
+from trackprofile.io.heading import Heading
 
 BEHAVIOUR = """
 import os, time
-from trackprofile.errors import FileError
+import numpy as np
+from trackprofile.errors import DataError, FileError
+from trackprofile.io.heading import Heading
 
-def walk(path):
+def headings_here(path):
+    return [Heading("a", "m", 3, "t")]
+
+def read_here(path, names):
     what = path.read_text()
     if what == "crash":
         os.abort()
@@ -26,7 +33,15 @@ def walk(path):
         bytearray(1 << 33)
     if what == "refuse":
         raise FileError(f"{path}: no rows of numbers; choose another file.")
+    if what == "text":
+        raise DataError(f"{path}: column 'a' does not hold numbers.")
+    if what == "crash once" and not path.with_name("crashed").exists():
+        path.with_name("crashed").write_text("")
+        os.abort()
     print("what libraries print is no answer")
+    long = np.arange(300_000.0)
+    every = {"long": long, "none": long[:0], "odd": np.array([np.nan, -0.0, 5e-324]), "as well": -long}
+    return {name: every[name] for name in names}
 """
 
 
@@ -35,14 +50,32 @@ def _behaving(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "behaving.py").write_text(BEHAVIOUR, encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
     # A worker that another test has left does not know this module.
-    for worker in list(apart._workers):
-        apart._end(worker)
+    apart.end()
 
 
-def tried(folder: Path, what: str) -> None:
-    file = folder / "file with a space"
+def tried(folder: Path, what: str, *names: str) -> dict[str, np.ndarray]:
+    file = folder / "file with a\ttab\nand more"
     file.write_text(what, encoding="utf-8")
-    apart.tried_apart(file, "behaving")
+    return apart.columns_apart(file, "behaving", names)
+
+
+def test_columns_come_back_to_the_last_bit(tmp_path: Path) -> None:
+    found = tried(tmp_path, "good", "long", "none", "odd", "as well")
+    assert list(found) == ["long", "none", "odd", "as well"]
+    np.testing.assert_array_equal(found["long"], np.arange(300_000.0))
+    np.testing.assert_array_equal(found["as well"], -found["long"])
+    assert found["none"].shape == (0,)
+    odd = np.array([np.nan, -0.0, 5e-324])
+    np.testing.assert_array_equal(found["odd"].view(np.uint64), odd.view(np.uint64))
+
+
+def test_headings_come_back_as_they_were(tmp_path: Path) -> None:
+    assert apart.headings_apart(tmp_path, "behaving") == (Heading("a", "m", 3, "t"),)
+
+
+def test_a_reader_that_an_earlier_file_has_harmed_is_replaced(tmp_path: Path) -> None:
+    tried(tmp_path, "good")
+    assert list(tried(tmp_path, "crash once", "odd")) == ["odd"]
 
 
 @pytest.mark.parametrize("what", ["crash", "fill"])
@@ -69,4 +102,6 @@ def test_a_file_that_never_ends_is_given_up(
 def test_what_the_reader_refuses_is_said_here(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no rows of numbers; choose another file"):
         tried(tmp_path, "refuse")
+    with pytest.raises(DataError, match="column 'a' does not hold numbers"):
+        tried(tmp_path, "text")
     tried(tmp_path, "good")

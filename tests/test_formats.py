@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +17,7 @@ from scipy.io import savemat
 
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.errors import DataError, FileError
-from trackprofile.io import read, write
+from trackprofile.io import apart, read, write
 from trackprofile.io.csv_dialect import find_dialect
 from trackprofile.io.table import LOGGER_SUFFIXES, headings, read_columns, write_columns
 
@@ -226,10 +227,19 @@ def test_name_that_matlab_cannot_have_is_refused_and_nothing_left(tmp_path: Path
 def test_missing_library_is_named_with_how_to_get_it(
     tmp_path: Path, suffix: str, library: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, library, None)
+    hidden = tmp_path / "hidden"
+    hidden.mkdir()
+    (hidden / f"{library}.py").write_text("raise ImportError", encoding="utf-8")
+    monkeypatch.delitem(sys.modules, library, raising=False)
+    monkeypatch.syspath_prepend(hidden)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(hidden), *sys.path]))
     (tmp_path / f"a{suffix}").write_bytes(b"anything")
-    with pytest.raises(FileError, match=r"install it: pip install 'trackprofile\["):
-        read(explained(tmp_path, f"a{suffix}"))
+    apart.end()
+    try:
+        with pytest.raises(FileError, match=r"install it: pip install 'trackprofile\["):
+            read(explained(tmp_path, f"a{suffix}"))
+    finally:
+        apart.end()
 
 
 @pytest.mark.parametrize("suffix", LOGGER_SUFFIXES)

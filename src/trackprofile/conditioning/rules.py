@@ -220,10 +220,12 @@ def _grid(values: Array, rounding: float) -> float:
         return 0.0
     # The least distance of two rounded values is less than their grid's step.
     step = float(np.mean(apart[apart < 1.5 * step]))
-    multiples = np.maximum(np.round(apart / step), 1.0)
-    step = float(np.sum(apart) / np.sum(multiples))
+    # Distances of nonsense, as in a damaged file, may be beyond all numbers: they lie on no grid.
+    with np.errstate(over="ignore", invalid="ignore"):
+        multiples = np.maximum(np.round(apart / step), 1.0)
+        step = float(np.sum(apart) / np.sum(multiples))
+        off = np.abs(apart - multiples * step)
     # A grid's own rounding is far below a hundredth of a step; of other numbers two per cent come so close by chance.
-    off = np.abs(apart - multiples * step)
     return step if np.all(off < 0.01 * step + 1.001 * rounding) else 0.0
 
 

@@ -37,6 +37,9 @@ BEYOND = 5.0
 STRETCH = 128
 """Samples of one sensor over which its noise is taken to be constant: enough for a median."""
 
+PIECE = 16
+"""Samples by which it is told where a loud stretch ends: at nine times less, or more, than the stretch."""
+
 LOUDER = 3.0
 """Times its variance that the noise of a stretch has to show before it is believed: five standard deviations of it."""
 
@@ -171,7 +174,8 @@ def _judged(
     jumps[new & (clear < np.max(clear, initial=0.0, where=new))] = 0.0
     if np.any((weights.jumps > 0.0) & (jumps == 0.0)):
         # Samples may have seemed good only for the jump that goes.
-        own = np.where(own > 0.0, own, weights.own)
+        stay = (own == 0.0) & (weights.own > louder * variance)
+        own = np.where(stay, weights.own, own)
     return replace(weights, louder=louder, own=own, jumps=jumps), left
 
 
@@ -226,10 +230,16 @@ def _louder(squares: Array, open_: Array, variance: Array) -> tuple[Array, float
     differ = NORMAL_DEVIATION * float(np.median(np.abs(np.log(shown) - mostly)))
     usual = max(1.0, float(np.exp(mostly)))
     bar = usual * max(1.0, float(np.exp(BEYOND * differ)) / LOUDER)
-    for part, times in zip(parts, shown, strict=True):
-        if times > LOUDER * bar:
-            own = np.median(squares[part]) / CHI_SQUARE_MEDIAN - np.median(open_[part])
-            louder[part] = max(1.0, own / np.median(variance[part]))
+    loud = np.array(shown) > LOUDER * bar
+    for number, part in enumerate(parts):
+        at_end = np.any(loud[max(number - 1, 0) : number + 2] != loud[number])
+        for piece in np.array_split(part, max(1, len(part) // PIECE)) if at_end else [part]:
+            times = np.median(each[piece]) / CHI_SQUARE_MEDIAN
+            least = shown[number] / LOUDER**2 if loud[number] else LOUDER**2 * bar
+            if times > least:
+                of = part if loud[number] else piece
+                own = np.median(squares[of]) / CHI_SQUARE_MEDIAN - np.median(open_[of])
+                louder[piece] = max(1.0, own / np.median(variance[piece]))
     return louder, usual, bar
 
 

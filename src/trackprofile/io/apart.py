@@ -1,22 +1,30 @@
-"""Files are read first by a process apart, which a damaged file may crash, hang or fill as it likes.
+"""Files are read by a process apart, which a damaged file may crash, hang or fill as it likes.
 
-The libraries behind HDF5 and MDF run on damaged files into endless loops and out of their memory. What the process
-apart has read to the end within its limits is then read here. It is started once, and ends with this one.
+The libraries behind HDF5, MATLAB's files and MDF run on damaged files into endless loops, out of their memory and over
+the memory of others. What the process apart has read to the end within its limits comes back as plain numbers, as
+`trackprofile.io.heading.Column`. It is started once, and ends with this one.
 """
 
 from __future__ import annotations
 
 import atexit
 import importlib
+import json
 import os
 import select
 import subprocess
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
-from trackprofile.errors import FileError, TrackprofileError
+import numpy as np
+
+from trackprofile.errors import DataError, FileError, TrackprofileError
+from trackprofile.io.heading import Column, Heading
 
 PATIENCE = 15.0
 """s that a small file may take."""
@@ -27,46 +35,107 @@ SLOWEST = 5e6
 MOST_MEMORY = 1 << 30
 """Bytes beyond what the libraries take, and twice the file's size."""
 
-_DONE, _REFUSED = "done", "refused"
+_AT_ONCE = 1 << 20
+"""Bytes that are taken from a pipe in one go."""
+
 _lock = Lock()
-_workers: list[subprocess.Popen[str]] = []
+_workers: list[subprocess.Popen[bytes]] = []
 
 
-def tried_apart(path: Path, module: str) -> None:
-    """See that ``module``'s function ``walk`` reads a file to its end.
+class _GoneError(Exception):
+    """The process apart died."""
+
+
+def headings_apart(path: Path, module: str) -> tuple[Heading, ...]:
+    """What ``module``'s function ``headings_here`` says of a file.
 
     Raises
     ------
-    FileError : it does not, or takes too long or too much memory.
+    FileError, DataError : what it refuses; it died of the file, or took too long or too much memory.
     """
+    answer, _ = _asked(path, module, None)
+    return tuple(Heading(**one) for one in answer["headings"])
+
+
+def columns_apart(path: Path, module: str, names: Sequence[str]) -> dict[str, Column]:
+    """Columns that ``module``'s function ``read_here`` reads from a file.
+
+    Raises
+    ------
+    FileError, DataError : as `headings_apart`.
+    """
+    return _asked(path, module, names)[1]
+
+
+def _asked(
+    path: Path, module: str, names: Sequence[str] | None
+) -> tuple[dict[str, Any], dict[str, Column]]:
     with _lock:
-        worker = _worker()
-        assert worker.stdin is not None
-        assert worker.stdout is not None
-        limit = PATIENCE + path.stat().st_size / SLOWEST
-        try:
-            worker.stdin.write(f"{module}\t{path.absolute()}\n")
-            worker.stdin.flush()
-            ready, _, _ = select.select([worker.stdout], [], [], limit)
-            answer = worker.stdout.readline().strip() if ready else ""
-        except BrokenPipeError:
-            answer = ""
-        kind, _, words = answer.partition("\t")
-        if kind == _DONE:
-            return
-        if kind == _REFUSED:
-            raise FileError(words)
-        _end(worker)
+        # One that has read a damaged file before may die of that.
+        for _ in range(2 if _workers else 1):
+            worker = _worker()
+            limit = time.monotonic() + PATIENCE + path.stat().st_size / SLOWEST
+            try:
+                answer, columns = _answer(worker, (str(path.absolute()), module, names), limit)
+            except _GoneError:
+                _end(worker)
+                continue
+            except TimeoutError:
+                _end(worker)
+                break
+            if words := answer.get("refused"):
+                raise DataError(words) if answer["of_data"] else FileError(words)
+            return answer, columns
     raise FileError(
         f"{path}: damaged so that it cannot be read to its end; copy or export it again."
     )
 
 
-def _worker() -> subprocess.Popen[str]:
+def _answer(
+    worker: subprocess.Popen[bytes], question: tuple[object, ...], limit: float
+) -> tuple[dict[str, Any], dict[str, Column]]:
+    assert worker.stdin is not None
+    try:
+        worker.stdin.write(json.dumps(question).encode() + b"\n")
+        worker.stdin.flush()
+    except BrokenPipeError as error:
+        raise _GoneError from error
+    taken = bytearray()
+    while (end := taken.find(b"\n")) < 0:
+        taken += _taken(worker, _AT_ONCE, limit)
+    answer = json.loads(taken[:end])
+    del taken[: end + 1]
+    columns = {}
+    for name, rows in answer["columns"]:
+        columns[name] = np.empty(rows)
+        data, filled = columns[name].view(np.uint8), 0
+        while filled < len(data):
+            piece = taken[: len(data) - filled] or _taken(
+                worker, min(_AT_ONCE, len(data) - filled), limit
+            )
+            data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
+            filled += len(piece)
+            del taken[: len(piece)]
+    return answer, columns
+
+
+def _taken(worker: subprocess.Popen[bytes], most: int, limit: float) -> bytes:
+    """What the process apart has to say, when it says it."""
+    assert worker.stdout is not None
+    ready, _, _ = select.select([worker.stdout], [], [], max(limit - time.monotonic(), 0.0))
+    if not ready:
+        raise TimeoutError
+    piece = os.read(worker.stdout.fileno(), most)
+    if not piece:
+        raise _GoneError
+    return piece
+
+
+def _worker() -> subprocess.Popen[bytes]:
     if _workers and _workers[0].poll() is None:
         return _workers[0]
     if not _workers:
-        atexit.register(_end_all)
+        atexit.register(end)
     _workers.clear()
     _workers.append(
         subprocess.Popen(
@@ -74,7 +143,6 @@ def _worker() -> subprocess.Popen[str]:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            text=True,
             # A keyboard's Ctrl-C is for this process alone; the other ends when its input does.
             start_new_session=True,
         )
@@ -82,7 +150,7 @@ def _worker() -> subprocess.Popen[str]:
     return _workers[0]
 
 
-def _end(worker: subprocess.Popen[str]) -> None:
+def _end(worker: subprocess.Popen[bytes]) -> None:
     worker.kill()
     worker.wait()
     for stream in (worker.stdin, worker.stdout):
@@ -91,31 +159,44 @@ def _end(worker: subprocess.Popen[str]) -> None:
     _workers.clear()
 
 
-def _end_all() -> None:
+def end() -> None:
+    """End the process apart, if there is one; the next file starts another."""
     for worker in tuple(_workers):
         _end(worker)
 
 
 def serve() -> None:
-    """Walk the files that are named on standard input, one a line, and answer each on standard output."""
-    answers = os.fdopen(os.dup(1), "w")
+    """Read the files that are asked for on standard input, one a line, and answer each on standard output."""
+    answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no answer
     for line in sys.stdin:
-        module, _, name = line.rstrip("\n").partition("\t")
-        walk: Callable[[Path], None] = importlib.import_module(module).walk
+        name, module, names = json.loads(line)
         path = Path(name)
         _limit_memory(path)
-        try:
-            walk(path)
-            answer = _DONE
-        except TrackprofileError as error:
-            answer = f"{_REFUSED}\t{error}"
-        except OSError as error:
-            answer = (
-                f"{_REFUSED}\t{path}: {error.strerror}; make it readable, or choose another file."
-            )
-        answers.write(answer + "\n")
+        answer, columns = _read(path, importlib.import_module(module), names)
+        told = [(one, len(values)) for one, values in columns.items()]
+        answers.write(json.dumps({**answer, "columns": told}).encode() + b"\n")
+        for values in columns.values():
+            answers.write(np.asarray(values, np.float64).tobytes())
         answers.flush()
+
+
+def _read(
+    path: Path, module: Any, names: Sequence[str] | None
+) -> tuple[dict[str, Any], Mapping[str, Column]]:
+    headings: Callable[[Path], Sequence[Heading]]
+    read: Callable[[Path, Sequence[str]], Mapping[str, Column]]
+    try:
+        if names is None:
+            headings = module.headings_here
+            return {"headings": [asdict(one) for one in headings(path)]}, {}
+        read = module.read_here
+        return {}, read(path, names)
+    except TrackprofileError as error:
+        return {"refused": str(error), "of_data": isinstance(error, DataError)}, {}
+    except OSError as error:
+        words = f"{path}: {error.strerror}; make it readable, or choose another file."
+        return {"refused": words, "of_data": False}, {}
 
 
 def _limit_memory(path: Path) -> None:

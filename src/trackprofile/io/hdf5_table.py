@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from trackprofile.errors import FileError
-from trackprofile.io.apart import tried_apart
+from trackprofile.io.apart import columns_apart, headings_apart
 from trackprofile.io.heading import Column, Heading, as_numbers, check_size
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".nc")
@@ -21,8 +21,7 @@ _DEEPEST = 8
 
 def headings(path: Path) -> tuple[Heading, ...]:
     """The rows of numbers in a file, by their path in it; groups and matrices are passed over."""
-    tried_apart(path, __name__)
-    return _headings(path)
+    return headings_apart(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
@@ -32,13 +31,7 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     ------
     FileError : the file is damaged, or claims to hold more than it can.
     """
-    tried_apart(path, __name__)
-    return _read(path, names)
-
-
-def walk(path: Path) -> None:
-    """Read all of them, for `tried_apart`."""
-    _read(path, [one.name for one in _headings(path)])
+    return columns_apart(path, __name__, names)
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -50,7 +43,8 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
                 file[name].attrs["units"] = units[name]
 
 
-def _headings(path: Path) -> tuple[Heading, ...]:
+def headings_here(path: Path) -> tuple[Heading, ...]:
+    """The same in this process."""
     with opened(path) as file:
         return tuple(
             Heading(name, _unit(one), int(one.size or 0), _clock(file, one))
@@ -58,7 +52,8 @@ def _headings(path: Path) -> tuple[Heading, ...]:
         )
 
 
-def _read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+def read_here(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """The same in this process."""
     with opened(path) as file:
         rows = {name: one for name, one in _rows(file) if name in names}
         check_size(path, 8.0 * sum(int(one.size or 0) for one in rows.values()))

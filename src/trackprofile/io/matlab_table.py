@@ -16,6 +16,7 @@ from scipy.io.matlab import MatReadError
 
 from trackprofile.errors import DataError, FileError
 from trackprofile.io import hdf5_table
+from trackprofile.io.apart import columns_apart, headings_apart
 from trackprofile.io.heading import Column, Heading, as_numbers, check_size
 
 SUFFIXES = (".mat",)
@@ -39,8 +40,23 @@ LONGEST_NAME = 31
 
 def headings(path: Path) -> tuple[Heading, ...]:
     """The rows of numbers in a file; structures and cells are passed over."""
+    return headings_apart(path, __name__)
+
+
+def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """Some of them, by name.
+
+    Raises
+    ------
+    FileError : the file is damaged, or claims to hold more than it can.
+    """
+    return columns_apart(path, __name__, names)
+
+
+def headings_here(path: Path) -> tuple[Heading, ...]:
+    """The same in this process."""
     if _is_hdf5(path):
-        return hdf5_table.headings(path)
+        return hdf5_table.headings_here(path)
     try:
         found = whosmat(path)
     except _DAMAGED as error:
@@ -52,16 +68,11 @@ def headings(path: Path) -> tuple[Heading, ...]:
     )
 
 
-def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """Some of them, by name.
-
-    Raises
-    ------
-    FileError : the file is damaged, or claims to hold more than it can.
-    """
+def read_here(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """The same in this process."""
     if _is_hdf5(path):
-        return hdf5_table.read(path, names)
-    rows = {one.name: one.rows for one in headings(path) if one.name in names}
+        return hdf5_table.read_here(path, names)
+    rows = {one.name: one.rows for one in headings_here(path) if one.name in names}
     check_size(path, 8.0 * sum(rows.values()))
     try:
         found = loadmat(path, variable_names=list(rows), squeeze_me=False)

@@ -7,14 +7,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.apart import tried_apart
+from trackprofile.io.apart import columns_apart, headings_apart
 from trackprofile.io.heading import Column, Heading, as_numbers, check_size, unique
 
 SUFFIXES = (".mf4", ".mdf", ".dl3")
@@ -25,9 +25,7 @@ _LINES = {None, 0, 1, 65535}
 
 def headings(path: Path) -> tuple[Heading, ...]:
     """The channels of a file, each with its group's clock."""
-    _library(path)
-    tried_apart(path, __name__)
-    return _headings(path)
+    return headings_apart(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
@@ -38,19 +36,7 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     FileError : asammdf is not installed, or the file is damaged.
     DataError : a channel does not hold numbers, or is defined by more than a line.
     """
-    _library(path)
-    tried_apart(path, __name__)
-    return _read(path, names)
-
-
-def walk(path: Path) -> None:
-    """Read all of them, for `tried_apart`; those that hold no numbers are refused when they are chosen."""
-    with _opened(path) as file:
-        chosen = _channels(file)
-        check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
-        for one, place in chosen:
-            with suppress(DataError):
-                _values(path, file, one.name, *place)
+    return columns_apart(path, __name__, names)
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -68,12 +54,14 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
         file.save(path, overwrite=True)
 
 
-def _headings(path: Path) -> tuple[Heading, ...]:
+def headings_here(path: Path) -> tuple[Heading, ...]:
+    """The same in this process."""
     with _opened(path) as file:
         return tuple(heading for heading, _ in _channels(file))
 
 
-def _read(path: Path, names: Sequence[str]) -> dict[str, Column]:
+def read_here(path: Path, names: Sequence[str]) -> dict[str, Column]:
+    """The same in this process."""
     with _opened(path) as file:
         chosen = [(one, place) for one, place in _channels(file) if one.name in names]
         check_size(path, 8.0 * sum(one.rows for one, _ in chosen))

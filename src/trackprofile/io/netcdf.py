@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
@@ -9,8 +10,9 @@ import xarray as xr
 
 from trackprofile.contracts import validated
 from trackprofile.errors import FileError
-from trackprofile.io.apart import tried_apart
+from trackprofile.io.apart import columns_apart
 from trackprofile.io.atomic import whole_files
+from trackprofile.io.heading import Column
 from trackprofile.io.table import located
 
 NAME = "a recording or profile in NetCDF"
@@ -28,15 +30,16 @@ def sniff(path: Path) -> bool:
 
 def read(path: Path) -> xr.Dataset:
     """The dataset in the file, in memory, validated."""
-    tried_apart(path, __name__)
+    columns_apart(path, __name__, ())
     dataset = _loaded(path)
     with located(path):
         return validated(dataset)
 
 
-def walk(path: Path) -> None:
-    """Read all of it, for `tried_apart`."""
+def read_here(path: Path, _names: Sequence[str]) -> dict[str, Column]:
+    """Read all of it, to see whether that ends."""
     _loaded(path)
+    return {}
 
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
