@@ -112,7 +112,12 @@ def _at(profile: xr.Dataset, grid: Array, level: Array) -> xr.Dataset:
 
 
 def align(
-    profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LARGEST, seen: Band = SEEN
+    profile: xr.Dataset,
+    first: xr.Dataset,
+    name: str,
+    largest: float = LARGEST,
+    seen: Band = SEEN,
+    least: float = LEAST,
 ) -> Alignment:
     """Find the lag of a profile behind the first, window by window.
 
@@ -122,6 +127,7 @@ def align(
     name : of the profile, for messages
     largest : lag that is searched to both sides [m]
     seen : wavelengths by which they are aligned; the shorter, the sharper, as far as the profiles know them
+    least : standard deviation that a window's lag has at least [m]
 
     Raises
     ------
@@ -143,7 +149,7 @@ def align(
         if told:
             distance.append(float(grid[start : start + count].mean()))
             lags.append(told[0])
-            deviations.append(told[1])
+            deviations.append(max(told[1], least))
     if not distance:
         raise DataError(
             f"{name}: in no window of {WINDOW:g} m does it look like the first profile; the two are of other track, "
@@ -254,7 +260,7 @@ def _window_lag(
     shift = -float(s @ residual) / power
     scores = s * (residual + s * shift)
     variance = _long_run(scores, memory) / power**2
-    return step * spacing + shift, max(float(np.sqrt(variance)), LEAST)
+    return step * spacing + shift, float(np.sqrt(variance))
 
 
 def _long_run(scores: Array, memory: int) -> float:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from trackprofile.fusion.joint import Trust, weights
-from trackprofile.fusion.laid import Laid
+from trackprofile.fusion.laid import Laid, smooth
 from trackprofile.fusion.moving import moving
 from trackprofile.fusion.waves import ALL, INTEGRALS, LENGTHS, RANGES, WIDTH, Range
 
@@ -75,7 +76,10 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
                 covered,
                 2 * float(WIDTH[part.waves].sum() * np.ptp(laid.distance)),
             )
-            p, q = found.probability, found.kept
+            # What is believed must not change sooner than its waves, or it makes new ones: it begins before.
+            wide = float(LENGTHS[part.waves][0] / (laid.places[1] - laid.places[0]))
+            p = smooth(maximum_filter1d(found.probability, max(1, round(3 * wide))), wide)
+            q = smooth(found.kept, wide)
             moves[number] = p
             level += laid.along(p * q) * fit.by_rate
             rate += laid.along(p * q) * fit.rate

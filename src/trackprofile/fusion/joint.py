@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.fusion.laid import Laid
+from trackprofile.fusion.laid import Laid, smooth
 from trackprofile.fusion.waves import LENGTHS, RANGES
 
 Array = NDArray[np.float64]
@@ -31,7 +31,8 @@ class Trust:
     Parameters
     ----------
     louder : λ, the variance of each pass's error over the stated (n, waves)
-    local : what stretches add to that as a factor, infinite where a pass is left out (n, ranges, k)
+    local : what stretches add to that as a factor (n, ranges, k)
+    used : whether a pass is not left out (n)
     shared : ξ, the variance of what passes of one vehicle share, over that of the track (vehicles, ranges)
     hidden : the same over what the passes state, where only they can tell (ranges)
     vehicle : number of each pass's vehicle (n)
@@ -39,6 +40,7 @@ class Trust:
 
     louder: Array
     local: Array
+    used: Mask
     shared: Array
     hidden: Array
     vehicle: Indices
@@ -79,10 +81,12 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     """
     number = RANGE_OF[wave]
     G, S = laid.gain(wave), laid.before(wave)
-    louder = trust.louder[:, wave, None] * trust.local[:, number]
+    step = float(laid.places[1] - laid.places[0])
+    local = np.exp(smooth(np.log(trust.local[:, number]), LENGTHS[wave] / step))
+    louder = trust.louder[:, wave, None] * local
     error = louder * (laid.stated[:, wave] + G * laid.misplaced(wave))
     # Per metre of the estimate m_i, and per metre of the level itself: a_i = 1/(λ_i N_i) = G_i/(λ_i P_i).
-    told = laid.cover(wave) / error
+    told = trust.used[:, None] * laid.cover(wave) / error
     a = G * told
     known = a.sum(axis=0) > 0
     shared = _shared(laid, wave, trust)
@@ -106,7 +110,7 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     # What the prior makes all passes err alike does not average out.
     alike = laid.alike(wave)
     variance[0] += (level * np.sqrt(alike)).sum(axis=0) ** 2
-    variance[0] -= (level**2 * np.where(np.isfinite(louder), louder, 0.0) * alike).sum(axis=0)
+    variance[0] -= (level**2 * louder * alike).sum(axis=0)
     return Weights(level, rate, np.stack([row[0], C[1]]) / S, variance)
 
 

@@ -81,23 +81,29 @@ class Laid:
         best = ramp.max(axis=0)
         return ramp / np.where(best > 0, best, 1.0)
 
+    def undone(self, wave: int) -> Mask:
+        """Whether the prior's part in each pass's estimate is undone, all along the line (n, 1)."""
+        return self._held(wave).min(axis=1, keepdims=True) >= UNDONE
+
     def gain(self, wave: int) -> Array:
         """Share of the wave that each pass's estimate holds, 1 - P/S (n, k) [-]; 1 where that is not undone."""
-        held = 1.0 - self.stated[:, wave] / self.prior[:, wave]
-        return np.where(held < UNDONE, 1.0, held)
+        return np.where(self.undone(wave), self._held(wave), 1.0)
 
     def before(self, wave: int) -> Array:
         """Density of the track before any pass (k) [m²/(rad/m)]; infinite where no pass's part of it is undone."""
-        undone = self.stated[:, wave] < (1.0 - UNDONE) * self.prior[:, wave]
-        return np.where(undone.any(axis=0), np.median(self.prior[:, wave], axis=0), np.inf)
+        before = np.median(self.prior[:, wave], axis=0)
+        return before if self.undone(wave).any() else np.full_like(before, np.inf)
 
     def alike(self, wave: int) -> Array:
         """Density of the part of each pass's error that is the prior's doing, (1 - G) P, where that is not undone.
 
         It is the same in all passes (n, k) [m²/(rad/m)].
         """
-        held = 1.0 - self.stated[:, wave] / self.prior[:, wave]
-        return np.where(held < UNDONE, 1.0 - held, 0.0) * self.stated[:, wave]
+        left = (1.0 - self._held(wave)) * self.stated[:, wave]
+        return np.where(self.undone(wave), 0.0, left)
+
+    def _held(self, wave: int) -> Array:
+        return 1.0 - self.stated[:, wave] / self.prior[:, wave]
 
     def beside(self, wave: int) -> Array:
         """What each pass says beyond the reference, m_i - G_i r (n, m) [m]."""
@@ -116,11 +122,11 @@ class Laid:
 
     def strength(self, wave: int) -> Array:
         """Density of the reference in a wave, near each place (k) [m²/(rad/m)]."""
-        wide = min(round(2 * LENGTHS[wave] / self.spacing), self.distance.size)
-        square = uniform_filter1d(self.whole.wave(wave) ** 2, wide, mode="nearest")
+        square = self.whole.wave(wave) ** 2
         known = np.isfinite(self.reference).astype(np.float64)
-        share = np.maximum(uniform_filter1d(known, wide, mode="nearest"), 1e-3)
-        return np.interp(self.places, self.distance, square / share) / POWER[wave]
+        width = 2 * LENGTHS[wave] / self.spacing
+        share = np.maximum(smooth(known, width), 1e-3)
+        return np.interp(self.places, self.distance, smooth(square, width) / share) / POWER[wave]
 
     def misplaced(self, wave: int) -> Array:
         """Density of the error of places that are unsure: (dz/dx)² δ² (n, k) [m²/(rad/m)]."""
@@ -134,6 +140,14 @@ class Laid:
             cut_reference=_cut_alike(reference, np.isfinite(self.level), self.spacing),
             whole=sines(reference, self.spacing),
         )
+
+
+def smooth(values: Array, width: float) -> Array:
+    """Means along the last axis over a width in points, three times over."""
+    size = int(np.clip(round(width), 1, values.shape[-1]))
+    for _ in range(3):
+        values = uniform_filter1d(values, size, axis=-1, mode="nearest")
+    return values
 
 
 def lay(passes: Sequence[Placed]) -> Laid:
@@ -163,7 +177,10 @@ def lay(passes: Sequence[Placed]) -> Laid:
     known = np.isfinite(level)
     spacing = float(distance[1] - distance[0])
     said = [stated_by(one.of.profile, places, one.of.name) for one in passes]
-    stated = np.stack([one.error for one in said])
+    stated, beyond = (
+        np.stack([_evened(of, places) for of in each])
+        for each in zip(*((one.error, one.prior) for one in said), strict=True)
+    )
     inside = np.stack(
         [_inside(k & ((f & _FLAWED) == 0), spacing) for k, f in zip(known, flags, strict=True)]
     )
@@ -176,7 +193,7 @@ def lay(passes: Sequence[Placed]) -> Laid:
         level=level,
         flags=flags,
         stated=stated,
-        prior=np.minimum(_prior(cut, known, stated), np.stack([one.prior for one in said])),
+        prior=np.minimum(_prior(cut, known, stated), beyond),
         slack=np.stack([one.unsure(places) ** 2 for one in passes]),
         inside=np.stack([np.interp(places, distance, one) for one in inside]),
         reference=reference,
@@ -214,6 +231,17 @@ def _first_guess(level: Array, inside: Array, stated: Array) -> Array:
     total = weight.sum(axis=0)
     mean = np.sum(weight * np.nan_to_num(level), axis=0) / np.where(total > 0, total, 1.0)
     return np.where(total > 0, mean, np.nan)
+
+
+def _evened(density: Array, places: Array) -> Array:
+    """Each wave's density along the line, in the logarithmic mean over its length (waves, k)."""
+    step = float(places[1] - places[0])
+    return np.stack(
+        [
+            np.exp(smooth(np.log(one), length / step)) if np.isfinite(one).all() else one
+            for one, length in zip(density, LENGTHS, strict=True)
+        ]
+    )
 
 
 def _prior(cut: Sequence[Sines], known: Mask, stated: Array) -> Array:

@@ -32,6 +32,9 @@ FARTHEST = 100.0
 FAR = 30.0
 """Lag beyond which a pass's distances are said to be off [m]."""
 
+SHARPEST = 1e-4
+"""Standard deviation at least of a lag that a window tells [m]."""
+
 WINDOW = 400.0
 """Over which passes are followed at first [m]."""
 
@@ -103,12 +106,19 @@ def placed(passes: Sequence[Pass]) -> tuple[tuple[Placed, ...], tuple[Elsewhere,
     )
 
 
-def realigned(one: Placed, others: xr.Dataset) -> Placed | Elsewhere:
-    """A pass on the place that all others together give it."""
+def realigned(one: Placed, others: xr.Dataset, share: float = 0.0) -> Placed | Elsewhere:
+    """A pass on the place that all passes together give it.
+
+    Parameters
+    ----------
+    others : the line as all others have it
+    share : of the line that rests on the pass itself: the others meet it so far
+    """
     try:
-        found = align(one.of.profile, others, one.of.name, DRIFT, D1)
+        found = align(one.of.profile, others, one.of.name, DRIFT, D1, SHARPEST)
     except DataError:
         return Elsewhere(one.of, turned=False)
+    found = Alignment(found.distance, (1 - share) * found.lag, (1 - share) * found.deviation)
     lag = one.lag + _lag(one.of, found)
     return Placed(_moved(one.of, found), lag, found.distance, found.deviation)
 

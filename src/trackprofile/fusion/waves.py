@@ -44,6 +44,7 @@ _FLATTEST, _USUAL, _STEEPEST = (
     6.0,
 )  # of S ∝ Ω^-p; an accelerometer's white noise, integrated twice
 _ROUNDS, _SETTLED = 60, 1e-6  # until the spectrum holds the stated variances
+_OWN = 0.05  # share of an even spectrum that a band's own waves have at least
 _LEFT = 1e-3  # share of the whole variance that longer waves have at least
 
 
@@ -287,13 +288,14 @@ def _fitted(bands: Mapping[str, Array], everything: Array) -> Stated:
     longest = max(band.longest for band in BANDS if band.name in bands)
     beyond = longest < LENGTHS
     noise = np.log(target / weight.sum(axis=1)[:, None])
-    top = noise[-1] + 4.0
+    least, top = noise + np.log(_OWN), noise[-1] + 4.0
     shape = np.where(beyond, 1.0 / (1.0 + (OMEGA / KNEE) ** 2), np.inf)[:, None]
     prior = density = np.empty(0)
     for _ in range(_ROUNDS):
         prior = np.exp(top) * shape
         density = 1.0 / (np.exp(-_straight(middles, noise)) + 1.0 / prior)
-        noise += np.log(target / (weight @ density))
+        # Near ends a band's error is that of longer waves, which its filter lets through.
+        noise = np.maximum(noise + np.log(target / (weight @ density)), least)
         parts = INTEGRALS[ALL][:, None] * density
         rest = parts[beyond].sum(axis=0)
         wanted = everything - parts[~beyond].sum(axis=0)
