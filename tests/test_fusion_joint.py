@@ -113,9 +113,9 @@ def test_passes_fused_are_the_posterior_of_all_recordings(measured: Measured) ->
         here = inner(band)
         apart = band_pass(found.level - measured.joint, SPACING, band)[here]
         least = measured.spread[band.name][here]
-        assert np.sqrt(np.mean(apart**2)) < 0.25 * least.mean(), band.name
+        assert np.sqrt(np.mean(apart**2)) < 0.15 * least.mean(), band.name
         stated = np.interp(AT, laid.places, spread[band.name])[here]
-        assert stated.mean() == pytest.approx(least.mean(), rel=0.05), band.name
+        assert stated.mean() == pytest.approx(least.mean(), rel=0.02), band.name
 
 
 def test_posteriors_averaged_as_measurements_would_count_the_prior_five_times(
@@ -148,7 +148,8 @@ def test_what_all_others_say_is_the_fusion_without_the_pass(measured: Measured) 
     found = combine(rest, np.zeros(4), trusting(rest), 0.0).level
     here = inner(D2)
     apart = band_pass(others - found, SPACING, D2)[here]
-    assert np.sqrt(np.mean(apart**2)) < 0.1 * measured.spread["D2"][here].mean()
+    # But for the prior, which comes in when all is put together.
+    assert np.sqrt(np.mean(apart**2)) < 0.2 * measured.spread["D2"][here].mean()
 
 
 # One wave at one place: generalised least squares, written out
@@ -174,13 +175,13 @@ def test_weights_are_those_of_generalised_least_squares(laid: Laid, wave: int, d
     trust.shared[:, number] = [1e-6, 0.0, 1e-4]
     found = weights(laid, wave, days, trust, day)
     k = laid.places.size // 2
-    P, S, G = (each[..., k] for each in (laid.stated[:, wave], laid.before(wave), laid.gain(wave)))
+    P, G = laid.stated[:, wave, k], laid.gain(wave)[:, k]
     own = trust.louder[:, wave] * P / G
     U = trust.shared[vehicle, number] * laid.strength(wave)[k]
     noise = np.diag(own) + np.where(vehicle[:, None] == vehicle, U[:, None], 0.0)
     design = np.stack([np.ones(7), days], axis=1)
-    widest = (np.ptp(days) / 10.0) ** 2 / laid.prior[:, wave, k].max()
-    precision = np.diag([1 / S, widest])
+    widest = (np.ptp(days) / 10.0) ** 2 / laid.prior[:, wave].max()
+    precision = np.diag([1 / laid.before(wave), widest])
     covariance = np.linalg.inv(precision + design.T @ np.linalg.solve(noise, design))
     gains = covariance @ np.linalg.solve(noise, design).T / G
     row = np.array([1.0, day])

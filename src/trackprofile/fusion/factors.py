@@ -146,8 +146,14 @@ def factors(of: Cells, days: Array, vehicle: Indices, tied: Indices) -> Factors:
                    ((waves.size, of_wave), (stretch.size, of_stretch)))  # fmt: skip
     pooled = (tied[:, None] == tied).astype(np.float64)
     least = _NONE / max(float(np.ptp(days)), 1.0) ** 2
-    louder, shared = np.ones((waves.size, days.size)), np.full(tied.size, 1e6 * _NONE)
-    change = np.full(stretch.size, 1e6 * least)
+    # All begin alike, or the first to grow would take what is another's.
+    begin = (
+        1.0 / max(float(np.median((of.told * of.strength[:, None])[of.there])), 1.0)
+        if of.there.any()
+        else 1.0
+    )
+    louder, shared = np.ones((waves.size, days.size)), np.full(tied.size, begin)
+    change = np.full(stretch.size, begin / max(float(np.ptp(days)), 1.0) ** 2)
     for _ in range(_ROUNDS):
         P, H = projection(of, days, vehicle, louder[of_wave], change[of_stretch], shared)
         W = P @ of.product @ P

@@ -95,9 +95,9 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     k = shared / (1.0 + shared * A)
     J = np.stack([(a.sum(axis=0) - (k * A**2).sum(axis=0)), B.sum(axis=0) - (k * A * B).sum(axis=0),
                   (days[:, None] ** 2 * a).sum(axis=0) - (k * B**2).sum(axis=0)])  # fmt: skip
-    J[0] += np.maximum(1.0 / S, _LEAST)
+    J[0] += max(1.0 / S, _LEAST)
     span = float(np.ptp(days))
-    J[2] += (max(span, 1.0) / _WIDEST) ** 2 / laid.prior[:, wave].max(axis=0)
+    J[2] += (max(span, 1.0) / _WIDEST) ** 2 / laid.prior[:, wave].max()
     determinant = J[0] * J[2] - J[1] ** 2
     C = np.stack([J[2], -J[1], J[0]]) / determinant
     # Level on the day asked for: (1, day) of (level on the mean day, rate).

@@ -104,10 +104,12 @@ def _fitted(
     """
     told = [np.broadcast_to(active, each.there.shape) for each in every]
     found, apart = list[Factors](), dict[int, Stretches]()
+    tied = vehicles.tied(active)
     for round_ in range(_ROUNDS):
         found = [
-            factors(each.of(here), days, vehicles.number, vehicles.tied(active))
-            for each, here in zip(every, told, strict=True)
+            # Of waves beyond the bands no pass says how well it knows them: they show no vehicle.
+            factors(each.of(here), days, vehicles.number, tied if part in JUDGED else tied[:0])
+            for part, each, here in zip(RANGES, every, told, strict=True)
         ]
         settled = True
         for part in JUDGED if active.sum() >= FEWEST else ():
