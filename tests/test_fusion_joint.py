@@ -189,6 +189,10 @@ def test_weights_are_those_of_generalised_least_squares(laid: Laid, wave: int, d
     assert found.rate[:, k] == pytest.approx(gains[1], rel=1e-6, abs=1e-12)
     expected = (row @ covariance @ row, covariance[1] @ row, covariance[1, 1])
     assert found.variance[:, k] == pytest.approx(expected, rel=1e-6)
+    known = np.linalg.inv(
+        precision + design.T @ np.linalg.solve(noise, design) + np.diag([0, 1e12])
+    )
+    assert found.standing[k] == pytest.approx(known[0, 0], rel=1e-3)
 
 
 def test_passes_of_one_vehicle_never_know_the_line_better_than_what_they_share(laid: Laid) -> None:

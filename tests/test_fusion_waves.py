@@ -96,7 +96,7 @@ def test_a_pass_that_does_not_say_how_sure_it_is_cannot_be_weighed() -> None:
         build_profile(AT, np.sin(AT), kind="point"),
         build_profile(AT, np.sin(AT), kind="posterior", standard_deviation=np.ones(AT.size)),
     ):
-        with pytest.raises(DataError, match="may[.]nc: it does not state its standard deviation"):
+        with pytest.raises(DataError, match=r"may\.nc: it does not state its standard deviation"):
             stated_by(profile, AT[::100], "may.nc")
 
 

@@ -107,7 +107,7 @@ def _fitted(laid: Laid, part: Range, days: Array, trust: Trust, day: float) -> _
         by_rate += moved
         rate += change
         by_error[row] = np.maximum(slope * one.variance[1], 1e-300)
-        error[row] = one.variance[0] - by_error[row]
+        error[row] = one.standing
         rate_error[row] = one.variance[2]
     return _Fit(standing, by_rate, rate, error, by_error, rate_error)
 

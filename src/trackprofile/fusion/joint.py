@@ -54,13 +54,15 @@ class Weights:
     ----------
     level, rate : what a metre of each pass's estimate adds (n, k) [-], [1/day]
     held : of the reference's metre, by the prior (2, k) [-], [1/day]
-    variance : of level and rate, and their covariance (3, k) [m²/(rad/m)] and per day and day²
+    variance : of the level, its covariance with the rate, and the rate's (3, k) [m²/(rad/m)], per day, per day²
+    standing : variance of the level where the track is known to stand (k) [m²/(rad/m)]
     """
 
     level: Array
     rate: Array
     held: Array
     variance: Array
+    standing: Array
 
 
 def range_of(wave: int) -> int:
@@ -109,9 +111,10 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     variance = np.stack([row[0] + day * row[1], row[1], C[2]])
     # What the prior makes all passes err alike does not average out.
     alike = laid.alike(wave)
-    variance[0] += (level * np.sqrt(alike)).sum(axis=0) ** 2
-    variance[0] -= (level**2 * louder * alike).sum(axis=0)
-    return Weights(level, rate, np.stack([row[0], C[1]]) / S, variance)
+    more = (level * np.sqrt(alike)).sum(axis=0) ** 2 - (level**2 * louder * alike).sum(axis=0)
+    variance[0] += more
+    held = np.stack([row[0], C[1]]) / S
+    return Weights(level, rate, held, variance, 1.0 / J[0] + more)
 
 
 def _shared(laid: Laid, wave: int, trust: Trust) -> Array:
