@@ -17,7 +17,7 @@ test: $(READY) ## style, types, and all tests but those of acceptance
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
-	$(BIN)/pytest -q -rs
+	$(BIN)/pytest -q -rs -n auto --dist loadscope
 
 docs: $(READY) ## the manual, into docs/_build/html, and all its examples run (minutes)
 	$(BIN)/sphinx-build -q -W --keep-going -n -E -d docs/_build/doctrees docs docs/_build/html

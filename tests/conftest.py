@@ -6,9 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-settings.register_profile("same every time", deadline=None, derandomize=True)
+# How fast examples are drawn says how busy the machine is, and nothing of the code.
+settings.register_profile(
+    "same every time",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("same every time")
 
 SHARED = Path(__file__).parents[2] / "shared"
@@ -25,3 +31,15 @@ def shared() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+@pytest.fixture(scope="session")
+def dated_store(tmp_path_factory: pytest.TempPathFactory):
+    """A small store of dated passes, see `dated_passes`; not to be written to."""
+    pytest.importorskip("duckdb")
+    from dated_passes import fill
+    from trackprofile.store import create
+
+    store = create(str(tmp_path_factory.mktemp("dated") / "store"))
+    fill(store)
+    return store

@@ -36,18 +36,22 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Table:
-    """What a logger recorded: ``time_s``, ``distance_m``, ``speed_km_h`` and the sensors' columns."""
+    """What a logger recorded: ``time_s``, ``distance_m``, ``speed_km_h`` and the sensors' columns.
+
+    ``places`` is what a TOML says of where the train was, where that is not the distance and the speed.
+    """
 
     columns: Columns
     sensors: tuple[Sensor, ...]
     time_unit: str = "s"
+    places: str = ""
 
     @property
     def first(self) -> str:
         return self.sensors[0].column
 
     def with_(self, **changes: Array) -> Table:
-        return Table(self.columns | changes, self.sensors, self.time_unit)
+        return Table(self.columns | changes, self.sensors, self.time_unit, self.places)
 
     def first_with(self, change: Callable[[Array], Array]) -> Table:
         """With the first sensor changed, and recorded in the same steps as before."""
@@ -57,7 +61,7 @@ class Table:
 
     def rows(self, kept: Array) -> Table:
         columns = {name: values[kept] for name, values in self.columns.items()}
-        return Table(columns, self.sensors, self.time_unit)
+        return Table(columns, self.sensors, self.time_unit, self.places)
 
 
 Writer = Callable[[Table, Path], str]
@@ -67,7 +71,9 @@ Writer = Callable[[Table, Path], str]
 class Damage:
     """One kind: what it does, by what it is known, and which samples are harmed (as shares of the whole; None: none).
 
-    ``kinds`` one of which has to be found; ``said`` a text in a note; ``refused`` the sentence with which it is.
+    ``kinds`` one of which has to be found; ``said`` a text in a note; ``refused`` the sentence with which it is;
+    ``placed`` where the distance comes of other things: then the profile is judged where the train really was, and
+    the distance by what it says of itself.
     """
 
     name: str
@@ -78,6 +84,7 @@ class Damage:
     writer: Writer | None = None
     refused: str = ""
     everywhere: bool = False
+    placed: bool = False
 
 
 def write(table: Table, folder: Path, writer: Writer | None) -> Path:
@@ -88,12 +95,12 @@ def write(table: Table, folder: Path, writer: Writer | None) -> Path:
         f'data = "{data}"',
         f'time = {{ column = "time_s", unit = "{table.time_unit}" }}',
     ]
-    lines += (
-        ['distance = { column = "distance_m", unit = "m" }']
-        if "distance_m" in table.columns
-        else []
-    )
-    lines += ['speed = { column = "speed_km_h", unit = "km/h" }']
+    if table.places:
+        lines.append(table.places)
+    else:
+        if "distance_m" in table.columns:
+            lines.append('distance = { column = "distance_m", unit = "m" }')
+        lines.append('speed = { column = "speed_km_h", unit = "km/h" }')
     for one in table.sensors:
         lines += ["", "[[sensor]]", f'column = "{one.column}"', f'unit = "{one.unit}"',
                   f'quantity = "{one.quantity}"', f'body = "{one.body}"', f"position = {one.position}"]  # fmt: skip
@@ -335,6 +342,47 @@ def dated(table: Table) -> Table:
     return Table(table.columns, table.sensors, "D.M.Y")
 
 
+PULSE = np.pi * 0.92 / 80
+
+PLACES = """[recording.gnss]
+latitude = { column = "lat", unit = "°" }
+longitude = { column = "lon", unit = "°" }
+
+[recording.odometer]
+column = "pulses"
+unit = "pulses"
+per_revolution = 80
+wheel_diameter = 0.92
+"""
+
+
+def placed(table: Table, slip: float = 0.0) -> Table:
+    """Instead of a distance and a speed satellite positions, a tenth of them far off, none for a while, and a worn
+    wheel's pulses; ``slip`` m too many of them in a second and a half."""
+    generator = np.random.default_rng(8)
+    time, distance = table.columns["time_s"], table.columns["distance_m"]
+    slipped = slip * np.clip((time - np.mean(time)) / 1.5, 0.0, 1.0)
+    pulses = np.floor((distance / 0.99 + slipped) / PULSE)
+    lat, lon = np.full(len(time), np.nan), np.full(len(time), np.nan)
+    rows = np.searchsorted(time, np.arange(time[0], time[-1], 1.0))
+    rows = rows[(rows < 0.5 * len(time)) | (rows > 0.65 * len(time))]
+    off = generator.standard_normal((2, len(rows)))
+    off[:, generator.random(len(rows)) < 0.1] += 50.0
+    metre = 1.0 / 111.2e3
+    lat[rows] = 36.0 + metre * (distance[rows] + off[0])
+    lon[rows] = 137.0 + metre / np.cos(np.radians(36.0)) * off[1]
+    columns = {
+        name: one for name, one in table.columns.items() if name not in {"distance_m", "speed_km_h"}
+    }
+    return Table(
+        columns | {"pulses": pulses, "lat": lat, "lon": lon}, table.sensors, table.time_unit, PLACES
+    )
+
+
+def slipping(table: Table) -> Table:
+    return placed(table, 4.0)
+
+
 K = FaultKind
 DAMAGES: tuple[Damage, ...] = (
     Damage("CSV with semicolons, decimal commas, words above, in Windows' letters", writer=german),
@@ -427,5 +475,12 @@ DAMAGES: tuple[Damage, ...] = (
         everywhere=True,
     ),
     Damage("two channels exchanged", exchanged, frozenset({K.EXCHANGED}), said="are exchanged"),
+    Damage(
+        "satellite positions far off and missing, and pulses",
+        placed,
+        said="places come from",
+        placed=True,
+    ),
+    Damage("a wheel that slips", slipping, frozenset({K.SLIP}), placed=True),
     Damage("one sign turned", turned, refused="one of them is turned round"),
 )

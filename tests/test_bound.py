@@ -74,6 +74,22 @@ def test_needle_at_the_wave_that_the_bogie_does_not_feel_is_integrated_in_full()
     assert found > expected
 
 
+def test_flicker_counts_in_a_narrow_band_as_the_white_noise_that_is_as_strong_there() -> None:
+    prior, at = read_spectrum("fra-6"), 50.0  # m
+    near = [Band("near", at / 1.001, at * 1.001)]
+    frequency = SPEED / at
+    flickering, white = [], []
+    for one in read_sensors("bogie-25ug"):
+        density = one.noise_density or 0.0
+        flickering.append(replace(one, flicker=density, drift=density))
+        there = np.sqrt(1 + 1 / frequency + 2 / (2 * np.pi * frequency) ** 2)
+        white.append(replace(one, noise_density=density * there))
+    found, expected = (
+        limit(VELARO, RIGID, sensors, SPEED, prior, near)["near"] for sensors in (flickering, white)
+    )
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
 def test_limit_needs_a_running_train_and_known_noise() -> None:
     prior = read_spectrum("fra-5")
     sensors = read_sensors("bogie-25ug")

@@ -142,6 +142,7 @@ def test_a_missing_value_must_be_marked_and_may_then_stay() -> None:
         ({"body": ""}, "expected the body"),
         ({"position": np.nan}, "a position on it"),
         ({"noise_density": 0.0}, "above zero, got 0"),
+        ({"flicker": -1.0}, "flicker above zero, got -1"),
         ({"name": "a/b"}, "without '/'"),
         ({"name": "speed"}, "a name of its own"),
         ({"name": "good_valid"}, "not ending in '_valid'"),

@@ -40,7 +40,14 @@ def logger(tmp_path: Path) -> Path:
         ("rear bogie acceleration", "m/s²", Role.VERTICAL, "trailing bogie"),
         ("gyro_pitch_deg_s", "", Role.PITCH, "body"),
         ("yaw rate", "°/s", Role.RATE, ""),
-        ("v_gps_kmh", "", Role.SPEED, ""),
+        ("v_gps_kmh", "", Role.GNSS_SPEED, ""),
+        ("v_tacho_kmh", "", Role.SPEED, ""),
+        ("GPS_Lat", "", Role.LATITUDE, ""),
+        ("Längengrad", "°", Role.LONGITUDE, ""),
+        ("Radimpulse", "", Role.PULSES, ""),
+        ("km-Stein", "km", Role.POST, ""),
+        ("Wankrate", "°/s", Role.ROLL, "body"),
+        ("bogie_gyro_x", "°/s", Role.ROLL, "leading bogie"),
         ("chainage_km", "", Role.DISTANCE, ""),
         ("t", "s", Role.TIME, ""),
         ("temperature", "°C", Role.OTHER, ""),
@@ -50,6 +57,27 @@ def logger(tmp_path: Path) -> Path:
 def test_column_is_told_by_its_name_and_unit(name: str, unit: str, role: Role, body: str) -> None:
     found = guess(Heading(name, unit), np.arange(9.0))
     assert (found.role, found.body) == (role, body)
+
+
+@pytest.mark.parametrize(
+    ("name", "lateral"),
+    [
+        ("axle_box_left_acc", 1.0),
+        ("Beschl. Radsatz rechts", -1.0),
+        ("acc_l", 1.0),
+        ("acc.r.z", -1.0),
+        ("軸箱 左 加速度", 1.0),
+        ("bogie_acc_z", 0.0),
+        ("acc left - right", 0.0),
+    ],
+)
+def test_side_is_told_by_the_name(name: str, lateral: float, tmp_path: Path) -> None:
+    assert guess(Heading(name, "m/s²"), np.arange(9.0)).lateral == lateral
+    rows = "".join(f"{k},30,{k % 3}\n" for k in range(5))
+    (tmp_path / "a.csv").write_text(f"t [s],v [m/s],{name} [m/s²]\n{rows}", encoding="utf-8")
+    found = inspect(tmp_path / "a.csv").recording
+    assert found is not None
+    assert channels(found)[0].lateral == lateral
 
 
 def test_units_that_nobody_states_are_told_by_the_values() -> None:

@@ -77,6 +77,7 @@ def recordings(draw: st.DrawFn) -> xr.Dataset:
                 body=draw(words.filter(bool)),
                 position=draw(small),
                 noise_density=draw(st.none() | st.floats(1e-9, 1e3)),
+                flicker=draw(st.none() | st.floats(1e-9, 1e3)),
                 valid=valid,
             )
         )
@@ -239,7 +240,7 @@ def test_speed_that_is_missing_is_filled_and_said(run: Path) -> None:
     [
         ('"km/h"', '"km"', UnitError, "column 'speed_km_h': Unit 'km' is not one of speed"),
         ('"g"', '"°/s"', UnitError, "column 'floor': Unit '°/s' is not one of acceleration"),
-        ("vertical", "lateral", DataError, "vertical acceleration, pitch rate, got 'lateral"),
+        ("vertical", "lateral", DataError, "pitch rate, roll rate, got 'lateral"),
         ("body =", "boddy =", FileError, "unknown key 'boddy' in sensor 1; the keys there are col"),
         ("line =", "lines =", FileError, "unknown key 'lines' in recording"),
         ("[recording]", "[records]", FileError, "unknown key 'records'; the keys there are rec"),

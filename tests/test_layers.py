@@ -14,16 +14,17 @@ import trackprofile
 
 ROOT = Path(trackprofile.__file__).parent
 LAYERS = (
-    {"errors"},
+    {"errors", "machine"},
     {"units"},
     {"contracts", "bands", "motion", "spectrum", "irregularity", "integrate"},
     {"vehicle", "track", "sensor", "search", "limits", "location"},
-    {"instrument", "receptance", "modes", "conditioning"},
-    {"simulation", "statespace"},
+    {"instrument", "flicker", "receptance", "roll", "conditioning"},
+    {"simulation", "statespace", "modes"},
     {"inference", "comparison", "assessment", "io"},
     {"plot", "scenario", "paper", "resume", "store", "fusion"},
     {"reporting", "outputs"},
-    {"demo", "bench", "reproduction"},
+    {"demo", "bench", "reproduction", "server"},
+    {"fleet"},
     {"cli"},
     {"__main__"},
 )

@@ -25,6 +25,7 @@ from trackprofile.sensor import Installation, Sensor
 from trackprofile.spectrum import Piece, PowerLaw
 from trackprofile.track import Change, ElasticTrack, LayeredTrack, RigidTrack
 from trackprofile.vehicle import (
+    OF_ROLL,
     Body,
     Link,
     Parameter,
@@ -87,7 +88,9 @@ def test_the_quarter_car_is_that_of_the_papers_table_1() -> None:
 
 def test_the_velaro_is_that_of_the_papers_table_2() -> None:
     vehicle, installation = read_vehicle("velaro")
-    assert parameter_values(vehicle) == {
+    of_roll = {one.name for one in vehicle.parameters if one.used_by[0][1] in OF_ROLL}
+    values = parameter_values(vehicle)
+    assert {name: values[name] for name in values if name not in of_roll} == {
         "body mass": 47_800.0,
         "body pitch inertia": 1.96e6,
         "bogie mass": 3_500.0,
@@ -265,7 +268,7 @@ def vehicles(draw: st.DrawFn) -> Vehicle:
 @st.composite
 def installations(draw: st.DrawFn) -> Installation:
     optional = st.none() | positive
-    numbers = ("noise_density", "bandwidth", "offset")
+    numbers = ("noise_density", "bandwidth", "offset", "flicker")
     sensors = tuple(
         Sensor(draw(text), quantity, draw(text), **{name: draw(optional) for name in numbers})
         for quantity in draw(st.lists(st.sampled_from(["vertical acceleration", "pitch rate"])))

@@ -35,6 +35,7 @@ SENSORS = (
     Sensor("acceleration", VERTICAL_ACCELERATION, "body", 0.3, noise_density=1e-3),
     Sensor("gyro", PITCH_RATE, "body", noise_density=1e-4),
 )
+FLICKERING = tuple(replace(one, flicker=30.0 * (one.noise_density or 0.0)) for one in SENSORS)
 
 
 def cart() -> Vehicle:
@@ -56,9 +57,11 @@ class Problem:
     signals: Array
 
 
-def problem(track: Track, unmodelled: float, sensors: int, shift: float = 0.0) -> Problem:
+def problem(
+    track: Track, unmodelled: float, sensors: int, shift: float = 0.0, *, flicker: bool = False
+) -> Problem:
     generator_ = np.random.default_rng(1)
-    system = state_space(cart(), track, SENSORS[:sensors], unmodelled)
+    system = state_space(cart(), track, (FLICKERING if flicker else SENSORS)[:sensors], unmodelled)
     interval = generator_.uniform(0.004, 0.03, 50)
     interval[20] = 0.12
     time = np.cumsum(interval)
@@ -69,7 +72,8 @@ def problem(track: Track, unmodelled: float, sensors: int, shift: float = 0.0) -
     valid[5:9, 0] = valid[30:33] = False
     ride = build_ride(system, moved, valid, SPACING)
     variance = np.array([1e-4, 1e-6])[ride.sensors] * generator_.uniform(0.5, 2, len(ride.rows))
-    others = np.r_[np.full(2 * system.disturbance.shape[1], 0.1), [0.1, 0.01][:sensors]]
+    shaken = np.full(2 * system.disturbance.shape[1], 0.1)
+    others = np.r_[shaken, np.sqrt(system.flicker), [0.1, 0.01][:sensors]]
     prepared = prepare(ride, PRIOR, variance, start_of_ride(system, PRIOR, ride, others))
     signals = 0.1 * generator_.standard_normal((len(ride.rows), 1))
     return Problem(system, moved, cut_into_steps(moved, SPACING), ride, prepared, signals)
@@ -89,7 +93,8 @@ def dense(one: Problem) -> Dense:
     system, steps, ride = one.system, one.steps, one.ride
     n, bays = len(system.A), len(ride.F)
     coefficients = ride.ring + bays - 1
-    size = n + coefficients + (bays * n if system.disturbance.size else 0)
+    random = system.disturbance.size > 0 or len(system.flicker) > 0
+    size = n + coefficients + (bays * n if random else 0)
     state, G, rows, bay = np.eye(n, size), generator(system), [], 0
 
     def path(k: int) -> Array:
@@ -107,7 +112,7 @@ def dense(one: Problem) -> Dense:
 
     for k, T in enumerate(steps.interval):
         if k in steps.first_step[1:-1]:
-            if system.disturbance.size:
+            if random:
                 duration = steps.interval[steps.first_step[bay] : steps.first_step[bay + 1]].sum()
                 at = n + coefficients + bay * n
                 state[:, at : at + n] += noise_root(system, duration)
@@ -144,8 +149,10 @@ def dense(one: Problem) -> Dense:
 
 
 def noise_root(system: StateSpace, duration: float) -> Array:
-    """A root of the noise that a bay adds, by integrating Q' = A Q + Q Aᵀ + d dᵀ."""
+    """A root of the noise that a bay adds, by integrating Q' = A Q + Q Aᵀ + d dᵀ; flicker has d² = 2 ω σ²."""
     A, intensity = system.A, system.disturbance @ system.disturbance.T
+    flicker = len(A) - len(system.C) - len(system.flicker) + np.arange(len(system.flicker))
+    intensity[flicker, flicker] = -2 * A[flicker, flicker] * system.flicker
 
     def slope(_: float, flat: Array) -> Array:
         Q = flat.reshape(A.shape)
@@ -165,10 +172,12 @@ TRACKS = (RigidTrack(), ElasticTrack(8e7, 3e4))
 @pytest.mark.parametrize("track", TRACKS, ids=["rigid", "elastic"])
 @pytest.mark.parametrize("unmodelled", [0.0, 0.05])
 @pytest.mark.parametrize("sensors", [1, 2])
+@pytest.mark.parametrize("flicker", [False, True])
 def test_smoother_is_the_dense_batch_solution(
-    track: Track, unmodelled: float, sensors: int
+    track: Track, unmodelled: float, sensors: int, flicker: bool
 ) -> None:
-    one = problem(track, unmodelled, sensors)
+    one = problem(track, unmodelled, sensors, flicker=flicker)
+    assert len(one.system.flicker) == (4 * sensors if flicker else 0)
     whole, y = dense(one), one.signals
     S = whole.A @ whole.P @ whole.A.T + np.diag(one.filter.variance)
     K = np.linalg.solve(S, whole.A @ whole.P).T
@@ -189,8 +198,11 @@ def test_smoother_is_the_dense_batch_solution(
 
 
 @pytest.mark.parametrize("unmodelled", [0.0, 0.05])
-def test_samples_and_offsets_are_judged_by_the_likelihood_without_them(unmodelled: float) -> None:
-    one = problem(ElasticTrack(8e7, 3e4), unmodelled, 2)
+@pytest.mark.parametrize("flicker", [False, True])
+def test_samples_and_offsets_are_judged_by_the_likelihood_without_them(
+    unmodelled: float, flicker: bool
+) -> None:
+    one = problem(ElasticTrack(8e7, 3e4), unmodelled, 2, flicker=flicker)
     whole, y, ride = dense(one), one.signals, one.ride
     S = whole.A @ whole.P @ whole.A.T + np.diag(one.filter.variance)
     found, judged = smooth(one.filter, y), variances(one.filter)
@@ -205,8 +217,9 @@ def test_samples_and_offsets_are_judged_by_the_likelihood_without_them(unmodelle
             assert judged.offset_precision[bay, sensor] == pytest.approx(expected, rel=1e-6)
 
 
-def test_draws_of_the_error_have_the_posteriors_variance() -> None:
-    one = problem(RigidTrack(), 0.05, 2)
+@pytest.mark.parametrize("flicker", [False, True])
+def test_draws_of_the_error_have_the_posteriors_variance(flicker: bool) -> None:
+    one = problem(RigidTrack(), 0.05, 2, flicker=flicker)
     draws = error_draws(one.filter, 20_000, np.random.default_rng(3))
     # Relative error of a variance from m draws is √(2/m) = 1 %; four of them.
     np.testing.assert_allclose(np.var(draws, axis=1), variances(one.filter).elevation, rtol=0.04)

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import platform
-import resource
 import subprocess
 import sys
 import time
@@ -36,6 +32,7 @@ from trackprofile.io.model_toml import (
     read_vehicle,
 )
 from trackprofile.irregularity import Flat, random
+from trackprofile.machine import in_one_thread, machine, peak_memory
 from trackprofile.motion import Motion
 from trackprofile.paper import bell, model_b, recorded, ridden
 from trackprofile.receptance import point_track
@@ -74,12 +71,11 @@ def measure() -> dict[str, Any]:
     is one run, with all that it loads.
     """
     results = [
-        *_in_one_thread("smoother_figures"),
-        *_in_one_thread("report_figures"),
+        *_of_one_thread("smoother_figures"),
+        *_of_one_thread("report_figures"),
         Result("help_s", _best(_help), "s"),
     ]
-    machine = f"{_processor()}, {platform.machine()}, Python {platform.python_version()}"
-    return {"results": [vars(result) for result in results], "machine": machine}
+    return {"results": [vars(result) for result in results], "machine": machine()}
 
 
 def smoother_figures() -> list[Result]:
@@ -87,14 +83,14 @@ def smoother_figures() -> list[Result]:
     _smooth(100.0, variance=True)  # compiles, or loads what is compiled
     without = _best(lambda: _smooth(1000.0, variance=False))
     with_variance = _best(lambda: _smooth(1000.0, variance=True))
-    one = _peak_memory()
+    one = peak_memory()
     _smooth(2000.0, variance=True)
     return [
         *forward_figures(),
         *search_figures(),
         Result("smoother_ms_per_m", without, "ms/m", PAPERS_RATE),  # s per 1000 m
         Result("smoother_with_variance_ms_per_m", with_variance, "ms/m"),
-        Result("memory_mb_per_km", _peak_memory() - one, "MB/km"),
+        Result("memory_mb_per_km", peak_memory() - one, "MB/km"),
     ]
 
 
@@ -145,7 +141,7 @@ def report_figures() -> list[Result]:
         seconds, size = time.perf_counter() - start, page.stat().st_size / 1e6
     return [
         Result("report_50_km_s", seconds, "s"),
-        Result("report_50_km_peak_mb", _peak_memory(), "MB"),
+        Result("report_50_km_peak_mb", peak_memory(), "MB"),
         Result("report_50_km_page_mb", size, "MB"),
     ]
 
@@ -192,23 +188,10 @@ def _smooth(length: float, variance: bool) -> None:
         variances(prepared)
 
 
-def _in_one_thread(figures: str) -> list[Result]:
+def _of_one_thread(figures: str) -> list[Result]:
     """What a function of this module measures in a process of its own."""
-    code = (
-        f"import json; from trackprofile.bench import {figures}; "
-        f"print(json.dumps([vars(one) for one in {figures}()]))"
-    )
-    threads = dict.fromkeys(
-        ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | threads,
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    return [Result(**one) for one in json.loads(done.stdout)]
+    found = in_one_thread("trackprofile.bench", f"[vars(one) for one in of.{figures}()]")
+    return [Result(**one) for one in found]
 
 
 def _help() -> None:
@@ -224,20 +207,3 @@ def _best(run: Callable[[], object]) -> float:
         run()
         taken.append(time.perf_counter() - start)
     return min(taken)
-
-
-def _peak_memory() -> float:
-    """Of this process [MB]."""
-    status = Path("/proc/self/status")
-    if status.exists():  # Linux hands the parent's peak down to the child in ru_maxrss, not here
-        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
-        return int(line.split()[1]) * 1024 / 1e6
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 1e6 if sys.platform == "darwin" else peak * 1024 / 1e6
-
-
-def _processor() -> str:
-    about = Path("/proc/cpuinfo")
-    lines = about.read_text().splitlines() if about.exists() else []
-    models = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
-    return f"{os.cpu_count()} cores of {models[0] if models else platform.processor()}"

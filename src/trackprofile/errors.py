@@ -4,8 +4,22 @@ Every message is one sentence: what, where, what was expected, what was found, w
 """
 
 
+def printable(text: str) -> str:
+    r"""A text with all that is no letter, sign or blank shown as its code: names in a damaged file may hold anything.
+
+    Examples
+    --------
+    >>> print(printable("speed\n\x1b[2J"))
+    speed\n\x1b[2J
+    """
+    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+
+
 class TrackprofileError(ValueError):
     """Anything that this package refuses; the command line turns it into exit code 1."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class DataError(TrackprofileError):
@@ -27,7 +41,7 @@ class RowError(DataError):
         self.variable, self.row, self.problem = variable, row, problem
 
     def __str__(self) -> str:
-        return f"{self.variable}, data row {self.row}: {self.problem}"
+        return printable(f"{self.variable}, data row {self.row}: {self.problem}")
 
 
 class UnitError(DataError):

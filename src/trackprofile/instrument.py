@@ -11,7 +11,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from trackprofile.errors import DataError, ModelError
-from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor
+from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
 from trackprofile.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -27,15 +27,12 @@ WHOLE = 1e-6
 class Instrument:
     """A sensor with what else a data sheet says of it.
 
-    White noise, drift, offset and bandwidth are those of its :class:`Sensor`, so that who simulates it and who
-    infers from it speak of the same numbers. All are of the reading: neither gain nor misalignment scales noise.
+    White noise, flicker, drift, offset and bandwidth are those of its :class:`Sensor`, so that who simulates it and
+    who infers from it speak of the same numbers. All are of the reading: neither gain nor misalignment scales noise.
 
     Parameters
     ----------
-    sensor : what is measured, where, with which white noise, drift, offset and bandwidth
-    flicker : F, the root of the one-sided density F²/f of the 1/f noise at 1 Hz, m/s²/√Hz or rad/s/√Hz; the floor
-        σ of an Allan deviation ("bias instability") is √(2 ln 2) F where no other noise adds to it
-        (IEEE Std 952, annex C, there with B² = π F²)
+    sensor : what is measured, where, with which noise, drift, offset and bandwidth
     resolution : step of the reading, m/s² or rad/s; 0: it has none
     range : the largest reading of either sign, gravity not counted, m/s² or rad/s; None: any
     misalignment : ε, between the sensor's axis and the vehicle's, rad
@@ -50,7 +47,6 @@ class Instrument:
     """
 
     sensor: Sensor
-    flicker: float = 0.0
     resolution: float = 0.0
     range: float | None = None
     misalignment: float = 0.0
@@ -59,7 +55,6 @@ class Instrument:
 
     def __post_init__(self) -> None:
         numbers = {
-            "a flicker of at least 0": (self.flicker, 0 <= self.flicker < np.inf),
             "a resolution of at least 0": (self.resolution, 0 <= self.resolution < np.inf),
             "a range above 0, or none at all": (self.range, self.range is None or self.range > 0),
             "a misalignment within π/2 rad": (
@@ -137,7 +132,7 @@ def noise(
     steps = generator.standard_normal(count)
     steps[:1] *= sensor.offset or 0.0
     steps[1:] *= (sensor.drift or 0.0) * np.sqrt(sampling_interval)
-    return (sensor.noise_density or 0.0) * white + instrument.flicker * pink + np.cumsum(steps)
+    return (sensor.noise_density or 0.0) * white + (sensor.flicker or 0.0) * pink + np.cumsum(steps)
 
 
 def noise_density(instrument: Instrument, frequency: Array, sampling_interval: float) -> Array:
@@ -157,8 +152,8 @@ def noise_density(instrument: Instrument, frequency: Array, sampling_interval: f
 
     Examples
     --------
-    >>> floor = Sensor("floor", "vertical acceleration", "body", noise_density=3e-4)
-    >>> np.sqrt(noise_density(Instrument(floor, flicker=4e-4), np.array([1.0]), 0.004))
+    >>> floor = Sensor("floor", "vertical acceleration", "body", noise_density=3e-4, flicker=4e-4)
+    >>> np.sqrt(noise_density(Instrument(floor), np.array([1.0]), 0.004))
     array([0.0005])
     """
     f = np.asarray(frequency, np.float64)
@@ -166,10 +161,7 @@ def noise_density(instrument: Instrument, frequency: Array, sampling_interval: f
         raise DataError(
             f"Noise density: expected frequencies above 0 Hz, got {np.min(f):g}; leave that one out."
         )
-    sensor = instrument.sensor
-    white, drift = sensor.noise_density or 0.0, sensor.drift or 0.0
-    quantisation = instrument.resolution**2 / 6 * sampling_interval
-    return white**2 + instrument.flicker**2 / f + 2 * (drift / (2 * np.pi * f)) ** 2 + quantisation
+    return stated_noise(instrument.sensor, f) + instrument.resolution**2 / 6 * sampling_interval
 
 
 def anti_aliased(instrument: Instrument, sampling_interval: float) -> Instrument:

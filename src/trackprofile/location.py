@@ -94,6 +94,29 @@ class Way:
         beyond = kilometre[-1] + upward * (at - posts[-1]) / KILOMETRE
         return np.where(at < posts[0], before, np.where(at >= posts[-1], beyond, inside))
 
+    def distances(self, kilometre: ArrayLike) -> Array:
+        """Where posts that say so stand (n) [m]; NaN where the kilometrage says it twice, or never.
+
+        Examples
+        --------
+        >>> Way([0.0, 2000.0], [12.0, 10.0]).distances([11.5, 9.0])
+        array([ 500., 3000.])
+        """
+        said, at = np.asarray(kilometre, np.float64), np.asarray(self.post_distance)
+        if not at.size:
+            return said * KILOMETRE
+        upward = -1.0 if self.direction.startswith("against") else 1.0
+        posts, said = upward * np.asarray(self.kilometre), upward * said
+        found = np.where(said < posts[0], at[0] - KILOMETRE * (posts[0] - said), np.nan)
+        found = np.where(said >= posts[-1], at[-1] + KILOMETRE * (said - posts[-1]), found)
+        times = (said < posts[0]) * 1 + (said >= posts[-1])
+        for i in np.flatnonzero(np.diff(at) > 0):
+            inside = (said >= posts[i]) & (said < posts[i + 1])
+            share = (said - posts[i]) / (posts[i + 1] - posts[i])
+            found = np.where(inside, at[i] + share * (at[i + 1] - at[i]), found)
+            times += inside
+        return np.where(times == 1, found, np.nan)
+
     def name(self, distance: float) -> str:
         """Of a place, such as ``km 12.345``."""
         return f"km {float(self.kilometres(distance)):.3f}"

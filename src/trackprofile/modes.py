@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.roll import roll_unknowns, rolling
+from trackprofile.track import RigidTrack
 from trackprofile.vehicle import Vehicle, assemble
 
 Array = NDArray[np.float64]
+
+ROLL = "roll"
 
 TAKES_PART = 0.1
 """Share of a mode's kinetic energy from which a motion is named."""
@@ -74,6 +78,24 @@ def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
         if value.imag >= 0
     ]
     return tuple(sorted(found, key=lambda one: one.frequency))
+
+
+def roll_modes(vehicle: Vehicle) -> tuple[Mode, ...]:
+    """The same in roll; none where the vehicle does not state what roll takes.
+
+    Examples
+    --------
+    >>> from trackprofile.io.model_toml import read_vehicle
+    >>> slowest = roll_modes(read_vehicle("manchester-benchmark")[0])[0]
+    >>> print(f"{slowest.frequency:.2f} Hz, {slowest.words}")
+    1.08 Hz, body roll
+    """
+    if roll_unknowns(vehicle, RigidTrack()):
+        return ()
+    return tuple(
+        replace(mode, motions=tuple((part, ROLL) for part, _ in mode.motions))
+        for mode in modes(rolling(vehicle))
+    )
 
 
 def _mode(value: complex, energy: Array, names: list[tuple[str, str]]) -> Mode:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts import Quality, fingerprint
+from trackprofile.contracts import Quality, Rail, fingerprint, of_rail, rails_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
@@ -157,21 +157,29 @@ def summary(estimate: Inferred) -> dict[str, Any]:
     """The extent, the uncertainty and the quality of a profile in a few numbers, for JSON."""
     profile = estimate.profile
     distance, quality = profile["distance"].to_numpy(), profile["quality"].to_numpy()
-    prefix = "standard_deviation_"
+    apart = {rail.value: _deviations(of_rail(profile, rail)) for rail in rails_of(profile)}
+    mean = apart.pop(Rail.MEAN.value)
     return {
         "from_m": float(distance[0]),
         "to_m": float(distance[-1]),
         "points": distance.size,
-        "standard_deviation_mm": {
-            name.removeprefix(prefix): 1e3 * float(np.sqrt(np.nanmean(profile[name] ** 2)))
-            for name in map(str, profile.data_vars)
-            if name.startswith(prefix)
-        },
+        "standard_deviation_mm": mean,
+        **({"standard_deviation_per_rail_mm": apart} if apart else {}),
         "flagged_share": {
             flag.name.lower(): float(np.mean(quality & flag != 0)) for flag in Quality if flag.name
         },
         **estimate.figures,
         "notes": list(estimate.notes),
+    }
+
+
+def _deviations(profile: xr.Dataset) -> dict[str, float]:
+    """By band, the root mean square of what is stated, mm."""
+    prefix = "standard_deviation_"
+    return {
+        name.removeprefix(prefix): 1e3 * float(np.sqrt(np.nanmean(profile[name] ** 2)))
+        for name in map(str, profile.data_vars)
+        if name.startswith(prefix)
     }
 
 

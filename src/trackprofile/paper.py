@@ -157,15 +157,16 @@ def recorded(
     """
     generator, parts = np.random.default_rng(seed), []
     for i, sensor in enumerate(case.sensors):
-        values, valid, density = signals[:, i], np.ones(len(signals), bool), sensor.noise_density
+        values, valid, noise = signals[:, i], np.ones(len(signals), bool), sensor
         if instruments:
-            density = instruments[i].sensor.noise_density
+            noise = instruments[i].sensor
             values, valid = measure(instruments[i], values, case.step, case.step, generator)
         parts.append(
             Channel(
-                sensor.name, values, sensor.quantity, sensor.body, sensor.position, density, valid
+                sensor.name, values, sensor.quantity, sensor.body, sensor.position,
+                noise.noise_density, valid, flicker=noise.flicker or None,
             )
-        )
+        )  # fmt: skip
     return build_recording(
         parts,
         time=case.step * np.arange(len(signals)),

@@ -161,7 +161,7 @@ def run_scenario(
         channels.append(
             Channel(
                 sensor.name, values, sensor.quantity, sensor.body, sensor.position, sensor.noise_density, valid,
-                sensor.bandwidth,
+                sensor.bandwidth, sensor.flicker or None, lateral=sensor.lateral,
             )
         )  # fmt: skip
     taken = slice(None, None, scenario.steps_per_sample)

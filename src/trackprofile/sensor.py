@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
 
 VERTICAL_ACCELERATION = "vertical acceleration"
 PITCH_RATE = "pitch rate"
-UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s"}
+ROLL_RATE = "roll rate"
+UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s", ROLL_RATE: "rad/s"}
 
 # Wide enough for an uncalibrated MEMS part, narrow enough to keep an offset apart from the track:
 # 10 mg and 0.6 °/s (facts: zero-g and zero-rate offsets of the parts listed there).
-OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01}
+OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01, ROLL_RATE: 0.01}
 
 # What parts of that price do in a minute as they warm up: 0.8 mm/s² (80 µg) and 8 °/h (facts: bias instabilities and
 # temperature coefficients). At 10 m/s it takes nothing from waves up to 70 m.
-DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6}
+DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6, ROLL_RATE: 5e-6}
 
 
 @dataclass(frozen=True)
@@ -52,14 +54,18 @@ class Sensor:
     Parameters
     ----------
     name : of the recording's channel
-    quantity : "vertical acceleration" (m/s², up) or "pitch rate" (rad/s, nose-up)
+    quantity : "vertical acceleration" (m/s², up), "pitch rate" (rad/s, nose-up) or "roll rate" (rad/s, left side up)
     body : the body, or the wheel, that carries it
     position : m ahead of that body's centre
+    lateral : m to the left of that body's middle
     noise_density : one-sided, in m/s²/√Hz or rad/s/√Hz; None where it is not known
     bandwidth : Hz, where the sensor's own filter cuts off; None: the sampling sets it
     offset : standard deviation of the unknown offset at the start, m/s² or rad/s; None: a usual one
     drift : of that offset, a random walk, m/s² or rad/s per √s; its noise exceeds the white one below
         drift/(√2 π noise_density) Hz. None: a usual one
+    flicker : F, the root of the one-sided density F²/f of the 1/f noise at 1 Hz, m/s²/√Hz or rad/s/√Hz; the floor
+        σ of an Allan deviation ("bias instability") is √(2 ln 2) F where no other noise adds to it
+        (IEEE Std 952, annex C, there with B² = π F²). None: none is stated
     gain : reading per quantity
     tilt : rad nose-up, of an accelerometer in the vehicle's vertical plane: it reads
         gain (cos(tilt) z̈ + sin(tilt) s̈), s̈ the train's own acceleration
@@ -75,10 +81,12 @@ class Sensor:
     quantity: str
     body: str
     position: float = 0.0
+    lateral: float = field(default=0.0, kw_only=True)
     noise_density: float | None = None
     bandwidth: float | None = None
     offset: float | None = None
     drift: float | None = None
+    flicker: float | None = None
     gain: float = 1.0
     tilt: float = 0.0
     residual: Residual | None = None
@@ -94,6 +102,10 @@ class Sensor:
             raise ModelError(f"sensor {self.name!r} needs a bandwidth above 0 Hz or none at all")
         if self.drift is not None and not self.drift >= 0:
             raise ModelError(f"sensor {self.name!r} needs a drift of at least 0 or none at all")
+        if self.flicker is not None and not 0 <= self.flicker < np.inf:
+            raise ModelError(
+                f"sensor {self.name!r} needs a flicker of at least 0 or none at all, got {self.flicker}"
+            )
         if not (abs(self.gain) > 0 and abs(self.tilt) < 1.5):
             raise ModelError(
                 f"sensor {self.name!r} needs a gain other than 0 and a tilt within 1.5 rad, "
@@ -121,6 +133,31 @@ class Sensor:
     def drift_rate(self) -> float:
         """The stated drift, or the usual one of that quantity."""
         return DRIFT[self.quantity] if self.drift is None else self.drift
+
+
+def stated_noise(sensor: Sensor, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The one-sided power spectral density of what a sensor adds by its own statement.
+
+    S(f) = N² + F²/f + 2 D²/(2πf)², with white noise N, flicker F and drift D; what is not stated is 0.
+
+    Parameters
+    ----------
+    frequency : any shape, above 0, Hz
+
+    Returns
+    -------
+    of that shape, (m/s²)²/Hz or (rad/s)²/Hz
+
+    Examples
+    --------
+    >>> floor = Sensor("floor", "vertical acceleration", "body", noise_density=3e-4, flicker=4e-4)
+    >>> np.sqrt(stated_noise(floor, np.array([1.0])))
+    array([0.0005])
+    """
+    white, flicker, drift = (
+        one or 0.0 for one in (sensor.noise_density, sensor.flicker, sensor.drift)
+    )
+    return white**2 + flicker**2 / frequency + 2 * (drift / (2 * np.pi * frequency)) ** 2
 
 
 @dataclass(frozen=True)

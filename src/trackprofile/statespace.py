@@ -2,8 +2,9 @@
 
     ẋ = A x + B [z; ż; z̈],    y = C x + D [z; ż; z̈],    z_i(t) = r(s(t) - d_i)
 
-x = [q; q̇; w; e; l; offsets]: the free degrees of freedom, the unmodelled accelerations of the first body, the
-sensors' coloured residuals, the low-passes of those with a bandwidth, and their offsets; z_i is the path of wheel i.
+x = [q; q̇; w; e; l; p; offsets]: the free degrees of freedom, the unmodelled accelerations of the first body, the
+sensors' coloured residuals, the low-passes of those with a bandwidth, their flicker and their offsets; z_i is the path
+of wheel i.
 The smoother and the calibration run on it; the full coupled model is written apart, so that each checks the other.
 """
 
@@ -17,7 +18,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from trackprofile.errors import ModelError
-from trackprofile.sensor import PITCH_RATE, Sensor
+from trackprofile.flicker import processes
+from trackprofile.roll import RollingVehicle
+from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.track import ElasticTrack, PointTrack, RigidTrack, under_wheels
 from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
 
@@ -38,13 +41,14 @@ class StateSpace:
     Parameters
     ----------
     freedoms : the f free degrees of freedom, (part, motion)
-    A : (n, n), n = 2 f + u + e + l + sensors; states are q (m, rad), q̇ (m/s, rad/s), those of the unmodelled
-        accelerations (m/s², rad/s²), of the residuals, the low-passes and the offsets (sensor's unit)
+    A : (n, n), n = 2 f + u + e + l + p + sensors; states are q (m, rad), q̇ (m/s, rad/s), those of the unmodelled
+        accelerations (m/s², rad/s²), of the residuals, the low-passes, the flicker and the offsets (sensor's unit)
     B : (n, 3, wheels), for z in m, ż in m/s and z̈ in m/s²
     C : (sensors, n); D : (sensors, 3, wheels), for z, ż and z̈
     disturbance : (n, kinds), multiplies independent white noises of unit intensity; no columns where the model
         is taken to be exact
     wheel_positions : (wheels,), m behind the leading wheel
+    flicker : (p,), variances that the flicker's states keep, sensor's unit squared
     """
 
     freedoms: tuple[tuple[str, str], ...]
@@ -54,6 +58,7 @@ class StateSpace:
     D: Array
     disturbance: Array
     wheel_positions: Array
+    flicker: Array
 
 
 def state_space(
@@ -86,13 +91,15 @@ def state_space(
     A, B = np.zeros((n, n)), np.zeros((n, 3, len(wheels)))
     A[:f, f : 2 * f] = np.eye(f)
     A[f : 2 * f, : 2 * f] = -np.linalg.solve(M, np.hstack([K, Cd]))
-    B[f : 2 * f] = np.linalg.solve(M, push.reshape(f, -1)).reshape(push.shape)
+    B[f : 2 * f] = np.linalg.solve(M, push.reshape(f, 3 * len(wheels))).reshape(push.shape)
     disturbance = _shake(A, shaken, f, unmodelled)
     C, D = np.zeros((len(sensors), n)), np.zeros((len(sensors), 3, len(wheels)))
     for row, sensor in enumerate(sensors):
         weights = _sensor_row(vehicle, full, sensor)
-        if sensor.quantity == PITCH_RATE:
+        if sensor.quantity in {PITCH_RATE, ROLL_RATE}:
             C[row, f : 2 * f] = weights[free]
+            if isinstance(track, RigidTrack):
+                D[row, 1] = weights[wheels]
         else:
             C[row], D[row] = (
                 weights[free] @ A[f : 2 * f],
@@ -103,8 +110,9 @@ def state_space(
     seen = np.array([one.gain_along for one in sensors])
     C, D = seen[:, None] * C, seen[:, None, None] * D
     positions = np.array([wheel.position for wheel in vehicle.wheels])
-    exact = StateSpace(freedoms, A, B, C, D, disturbance, positions)
-    return _with_offsets(_low_passed(_with_residuals(exact, sensors, loudness), sensors))
+    exact = StateSpace(freedoms, A, B, C, D, disturbance, positions, np.zeros(0))
+    behind = _low_passed(_with_residuals(exact, sensors, loudness), sensors)
+    return _with_offsets(_with_flicker(behind, sensors))
 
 
 def transfer_function(system: StateSpace, spatial_frequency: Array, speed: float) -> ComplexArray:
@@ -259,6 +267,10 @@ def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
             f"it has {', '.join(parts)}"
         )
     freedoms = full.degrees_of_freedom
+    if sensor.quantity == ROLL_RATE and not isinstance(vehicle, RollingVehicle):
+        raise ModelError(
+            f"sensor {sensor.name!r} measures roll, which heave and pitch know nothing of; leave it out here"
+        )
     if sensor.quantity == PITCH_RATE:
         if (sensor.body, PITCH) not in freedoms:
             raise ModelError(
@@ -310,6 +322,22 @@ def _with_residuals(
         disturbance[first, kinds + place] = deviation * np.sqrt(4 * residual.damping * rate)
     B = np.pad(system.B, ((0, added), (0, 0), (0, 0)))
     return replace(system, A=A, B=B, C=C, disturbance=disturbance)
+
+
+def _with_flicker(system: StateSpace, sensors: Sequence[Sensor]) -> StateSpace:
+    """Each sensor's 1/f noise in what it reads: ṗ = -ω p + noise, y += p, one p to a decade of frequency."""
+    parts = [processes(sensor) for sensor in sensors]
+    of_sensor = np.repeat(np.arange(len(sensors)), [len(one.rate) for one in parts])
+    n, added = len(system.A), len(of_sensor)
+    A, C = np.pad(system.A, ((0, added), (0, added))), np.pad(system.C, ((0, 0), (0, added)))
+    states = n + np.arange(added)
+    A[states, states] = -np.concatenate([one.rate for one in parts])
+    C[of_sensor, states] = 1.0
+    return replace(
+        system, A=A, B=np.pad(system.B, ((0, added), (0, 0), (0, 0))), C=C,
+        disturbance=np.pad(system.disturbance, ((0, added), (0, 0))),
+        flicker=np.concatenate([one.variance for one in parts]),
+    )  # fmt: skip
 
 
 def _with_offsets(system: StateSpace) -> StateSpace:

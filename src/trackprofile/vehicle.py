@@ -1,13 +1,15 @@
 """Vehicles: any planar multibody, described by bodies, links and wheels, assembled into M, C and K.
 
 Positions are distances behind the leading wheel, in m, so that a body centred at ``position`` stands
-at s - position when the leading wheel stands at s. Up is positive; pitch is positive nose-up.
+at s - position when the leading wheel stands at s. Up is positive; pitch is positive nose-up. Stiffness and damping
+are those of both sides together. What only roll needs is optional: see :mod:`trackprofile.roll`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,29 +21,44 @@ Array = NDArray[np.float64]
 HEAVE = "heave"
 PITCH = "pitch"
 
+OF_ROLL = frozenset({"roll_inertia", "semi_spacing", "roll_stiffness"})
+"""Fields of parts that heave and pitch do not feel."""
+
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body: mass in kg, pitch inertia in kg m² (None: it only heaves), position in m."""
+    """A rigid body: mass in kg, pitch inertia in kg m² (None: it only heaves), position in m.
+
+    ``roll_inertia`` in kg m²; None where nobody knows it.
+    """
 
     name: str
     mass: float
     pitch_inertia: float | None = None
     position: float = 0.0
+    roll_inertia: float | None = None
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheelset: mass in kg (0 where it belongs to the body above), position in m."""
+    """A wheelset: mass in kg (0 where it belongs to the body above), position in m.
+
+    ``roll_inertia`` in kg m²; None where nobody knows it.
+    """
 
     name: str
     mass: float
     position: float
+    roll_inertia: float | None = None
 
 
 @dataclass(frozen=True)
 class Link:
-    """A vertical spring (N/m) and damper (N s/m) side by side, between two named parts."""
+    """A vertical spring (N/m) and damper (N s/m) side by side, between two named parts.
+
+    One half of each stands ``semi_spacing`` m to the left of the middle, the other to the right; None where nobody
+    knows. ``roll_stiffness`` in N m/rad is what an anti-roll bar adds.
+    """
 
     name: str
     upper: str
@@ -49,6 +66,11 @@ class Link:
     position: float
     stiffness: float
     damping: float
+    semi_spacing: float | None = None
+    roll_stiffness: float = 0.0
+
+
+Part = TypeVar("Part", Body, Wheel, Link)
 
 
 @dataclass(frozen=True)
@@ -74,6 +96,8 @@ class Parameter:
 class Vehicle:
     """Bodies, links and wheels; see :func:`assemble` for the equations that they stand for.
 
+    ``contact_spacing`` in m is from where the left wheels touch their rail to where the right ones do.
+
     Examples
     --------
     >>> body, bogie = Body("body", 7900.0), Body("bogie", 512.5)
@@ -89,6 +113,7 @@ class Vehicle:
     wheels: tuple[Wheel, ...]
     source: str = ""
     parameters: tuple[Parameter, ...] = field(default=())
+    contact_spacing: float = 1.5
 
     def __post_init__(self) -> None:
         _check(self)
@@ -195,6 +220,28 @@ def with_parameters(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     )
 
 
+def turned_round(vehicle: Vehicle) -> Vehicle:
+    """The same vehicle with its last wheel leading: positions count from there.
+
+    Examples
+    --------
+    >>> wheels = Wheel("front", 1e3, 0.0), Wheel("rear", 1e3, 9.0)
+    >>> car = Vehicle("car", (Body("body", 1e4, position=2.0),), (), wheels)
+    >>> [(one.name, one.position) for one in turned_round(car).wheels], turned_round(car).bodies[0].position
+    ([('rear', 0.0), ('front', 9.0)], 7.0)
+    """
+
+    def turned(part: Part) -> Part:
+        return replace(part, position=vehicle.length - part.position)
+
+    return replace(
+        vehicle,
+        bodies=tuple(turned(one) for one in vehicle.bodies),
+        links=tuple(turned(one) for one in vehicle.links),
+        wheels=tuple(sorted(map(turned, vehicle.wheels), key=lambda one: one.position)),
+    )
+
+
 def _degrees_of_freedom(vehicle: Vehicle) -> tuple[tuple[str, str], ...]:
     freedoms: list[tuple[str, str]] = []
     for body in vehicle.bodies:
@@ -233,6 +280,13 @@ def _check(vehicle: Vehicle) -> None:
     for body in vehicle.bodies:
         if not body.mass > 0 or (body.pitch_inertia is not None and not body.pitch_inertia > 0):
             raise ModelError(f"{where}: mass and pitch inertia of {body.name!r} must be positive")
+    if not vehicle.contact_spacing > 0:
+        raise ModelError(f"{where}: its wheels' contacts must stand more than 0 m apart")
+    for part in (*vehicle.bodies, *vehicle.wheels):
+        if part.roll_inertia is not None and not part.roll_inertia > 0:
+            raise ModelError(
+                f"{where}: roll inertia of {part.name!r} must be positive, or left out"
+            )
     ends = [part.name for part in (*vehicle.bodies, *vehicle.wheels)]
     for link in vehicle.links:
         for end in (link.upper, link.lower):
@@ -241,4 +295,9 @@ def _check(vehicle: Vehicle) -> None:
         if link.stiffness < 0 or link.damping < 0:
             raise ModelError(
                 f"{where}: link {link.name!r} needs stiffness and damping of at least 0"
+            )
+        if link.roll_stiffness < 0 or (link.semi_spacing is not None and not link.semi_spacing > 0):
+            raise ModelError(
+                f"{where}: link {link.name!r} needs a semi-spacing above 0 m, or none, and a roll stiffness of at "
+                "least 0"
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -14,6 +14,7 @@ from trackprofile.assessment.roughness import Nearest, Psd, common_range, neares
 from trackprofile.assessment.sections import Section, assess_sections
 from trackprofile.bands import BANDS, FILTER_NAMES, Band, resample
 from trackprofile.contracts import Quality
+from trackprofile.contracts.rows import DEVIATION
 from trackprofile.errors import DataError
 from trackprofile.limits import KM_H, Limits, unverified
 from trackprofile.spectrum import Roughness
@@ -127,7 +128,7 @@ def assess(
         start=float(distance[0]),
         end=float(distance[-1]),
         levels=levels,
-        defects=tuple(sorted(defects, key=lambda one: (one.start, one.band))),
+        defects=tuple(sorted(_located(defects, profile), key=lambda one: (one.start, one.band))),
         sections=tuple(sections),
         not_assessed=tuple(one for level in levels.values() for one in not_assessed(level)),
         spectra=stretches,
@@ -143,6 +144,16 @@ def assess(
         about={str(name): str(value) for name, value in profile.attrs.items()},
         filter=FILTER_NAMES[passes],
     )
+
+
+def _located(defects: Sequence[Defect], profile: xr.Dataset) -> Sequence[Defect]:
+    """The defects with how well their places are known, where the profile says that."""
+    if DEVIATION not in profile:
+        return defects
+    at, known = profile["distance"].to_numpy(), profile[DEVIATION].to_numpy()
+    return [
+        replace(one, location_deviation=float(np.interp(one.peak, at, known))) for one in defects
+    ]
 
 
 def _untold(bands: Sequence[str], limits: Limits, speed: float) -> tuple[str, ...]:

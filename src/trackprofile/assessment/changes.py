@@ -244,7 +244,7 @@ def _places(
                 level=last,
                 per_day=rate.per_day if rate else None,
                 per_day_deviation=rate.deviation if rate else None,
-                reached=_reached(rate, last, heights, first + timedelta(days=float(days[-1])))
+                reached=limits_reached(rate, heights, first + timedelta(days=float(days[-1])))
                 if rate
                 else (),
             )
@@ -271,23 +271,25 @@ def _groups(beyond: Mask, halves: Sequence[slice]) -> list[slice]:
     return [slice(halves[one[0]].start, halves[one[-1]].stop) for one in pieces if one.size]
 
 
-def _reached(
-    rate: Rate, level: float, heights: Mapping[Action, float], last: date
-) -> tuple[Reached, ...]:
-    """Dates on which the level goes beyond each height, on the side to which it moves."""
-    covariance = rate.covariance
+def limits_reached(rate: Rate, heights: Mapping[Action, float], last: date) -> tuple[Reached, ...]:
+    """When the level goes beyond each height that lies ahead, on the side to which it moves.
+
+    Parameters
+    ----------
+    rate : of the level
+    heights : of limits [m]
+    last : day of the last pass
+    """
     side = np.sign(rate.per_day)
-    ahead = np.arange(HORIZON + 1, dtype=np.float64)
-    mean = side * (level + rate.per_day * ahead)
-    variance = covariance[0, 0] + 2 * ahead * covariance[0, 1] + ahead**2 * covariance[1, 1]
+    level, deviation = rate.ahead(np.arange(HORIZON + 1, dtype=np.float64))
     found = []
     for action, height in sorted(heights.items()):
-        chance = ndtr((mean - height) / np.sqrt(np.maximum(variance, 1e-18)))
+        chance = ndtr((side * level - height) / np.maximum(deviation, 1e-9))
         by = [
             last + timedelta(days=int(np.argmax(chance >= 1 - q))) if (chance >= 1 - q).any() else None
             for q in _QUANTILES
         ]  # fmt: skip
-        if mean[0] < height:
+        if side * level[0] < height:
             found.append(Reached(action, height, *by))
     return tuple(found)
 

@@ -37,6 +37,7 @@ class Defect:
     exceeded : the gravest limit that the estimate exceeds, if any
     probabilities : per action, that the true level exceeds its limit somewhere from start to end
     limits : what they were judged by
+    location_deviation : standard deviation of where it is; None where the profile does not say [m]
     """
 
     band: str
@@ -48,6 +49,7 @@ class Defect:
     exceeded: Action | None
     probabilities: Mapping[Action, float]
     limits: DefectLimits
+    location_deviation: float | None = None
 
     @property
     def length(self) -> float:

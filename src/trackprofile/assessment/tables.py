@@ -11,6 +11,7 @@ from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.changes import Changes
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.sections import Section
+from trackprofile.contracts import Rail
 from trackprofile.limits import Action
 from trackprofile.location import Way
 
@@ -83,6 +84,7 @@ def defect_table(defects: Sequence[Defect], found: Assessment, way: Way) -> Tabl
             "peak_kilometre": _kilometre(way, one.peak),
             "latitude_deg": _number(north),
             "longitude_deg": _number(east),
+            "location_deviation_m": one.location_deviation,
             "height_mm": _MILLI * one.height,
             "standard_deviation_mm": _MILLI * one.deviation,
             "exceeded": words(one.exceeded),
@@ -95,7 +97,8 @@ def defect_table(defects: Sequence[Defect], found: Assessment, way: Way) -> Tabl
             row[f"probability_{name}"] = one.probabilities.get(action)
         rows.append(row | {"obliges_to": duty(one, found), "limits_verified": one.limits.verified})
     names = ["band", "start_m", "peak_m", "end_m", "length_m", "peak_kilometre", "latitude_deg"]
-    names += ["longitude_deg", "height_mm", "standard_deviation_mm", "exceeded", "likely"]
+    names += ["longitude_deg", "location_deviation_m", "height_mm", "standard_deviation_mm"]
+    names += ["exceeded", "likely"]
     for action in Action:
         names += [f"limit_{action.name.lower()}_mm", f"probability_{action.name.lower()}"]
     return _columns(rows, [*names, "obliges_to", "limits_verified"])
@@ -141,6 +144,32 @@ def duty(defect: Defect, found: Assessment) -> str:
 def words(action: Action | None) -> str:
     """Of an action; empty for none."""
     return "" if action is None else action.words
+
+
+def tables_per_rail(found: Mapping[Rail, Assessment], way: Way) -> dict[str, Table]:
+    """The same of several rails, one below the other, with a column ``rail`` in front."""
+    made = {rail: tables(one, way) for rail, one in found.items()}
+    joined: dict[str, Table] = {}
+    for name in next(iter(made.values())):
+        heads = dict.fromkeys(head for one in made.values() for head in one[name])
+        columns: Table = {"rail": [], **{head: [] for head in heads}}
+        for rail, one in made.items():
+            count = len(next(iter(one[name].values())))
+            columns["rail"] += count * [rail.value]
+            for head in heads:
+                columns[head] += one[name].get(head, count * [None])
+        joined[name] = columns
+    return joined
+
+
+def geojson_per_rail(found: Mapping[Rail, Assessment], way: Way) -> dict[str, Any]:
+    """The defects of several rails as points of a map, the rail among their properties."""
+    features = []
+    for rail, one in found.items():
+        for feature in geojson(one, way)["features"]:
+            properties = {"rail": rail.value, **feature["properties"]}
+            features.append(feature | {"properties": properties})
+    return {"type": "FeatureCollection", "features": features}
 
 
 def geojson(found: Assessment, way: Way) -> dict[str, Any]:

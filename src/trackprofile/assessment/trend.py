@@ -105,7 +105,7 @@ def stack(band: Band, levels: Sequence[BandLevel], alignments: Sequence[Alignmen
 
 def _scatter(level: Array, spread: Array) -> float:
     """Robust standard deviation of (l_k - l_1)/√(s_k² + s_1²) over all later passes k."""
-    if not level.size:
+    if not level[1:].size:
         return 1.0
     units = (level[1:] - level[0]) / np.hypot(spread[1:], spread[0])
     return max(float(_MAD * np.median(np.abs(units))), _EXACT)
@@ -152,8 +152,9 @@ def _threshold(length: float, wavenumber: float) -> float:
 
 @dataclass(frozen=True)
 class Rate:
-    """How fast a level changes [m/day], and the covariance of its value at the last pass with it."""
+    """A level's value at the last pass [m], how fast it changes [m/day], and the covariance of the two."""
 
+    level: float
     per_day: float
     covariance: Array
 
@@ -162,6 +163,17 @@ class Rate:
         """Standard deviation of the rate [m/day]."""
         return float(np.sqrt(self.covariance[1, 1]))
 
+    @property
+    def certain(self) -> bool:
+        """Whether it is no chance, with 95 %."""
+        return abs(self.per_day) > 1.96 * self.deviation
+
+    def ahead(self, days: Array) -> tuple[Array, Array]:
+        """Level and its standard deviation some days after the last pass, or before it (n) [m]."""
+        covariance = self.covariance
+        variance = covariance[0, 0] + 2 * days * covariance[0, 1] + days**2 * covariance[1, 1]
+        return self.level + self.per_day * days, np.sqrt(np.maximum(variance, 0.0))
+
 
 def rate_at(passes: Stack, days: Array, place: int) -> Rate | None:
     """At one place of the grid; None where all passes are of one day."""
@@ -169,4 +181,4 @@ def rate_at(passes: Stack, days: Array, place: int) -> Rate | None:
         return None
     coefficients, gains = _line(passes, days)
     covariance = (gains * np.square(passes.deviation[:, place])) @ gains.T
-    return Rate(float(coefficients[1, place]), covariance)
+    return Rate(float(coefficients[0, place]), float(coefficients[1, place]), covariance)

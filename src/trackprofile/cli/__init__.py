@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,21 +16,28 @@ from trackprofile import __version__
 from trackprofile.cli import show
 from trackprofile.cli.assess import assess, changes, report
 from trackprofile.cli.calibrate import calibrate
+from trackprofile.cli.fleet import fleet
 from trackprofile.cli.fuse import fuse
 from trackprofile.cli.infer import infer
 from trackprofile.cli.inspect import inspect
 from trackprofile.cli.options import (
     From,
     Json,
+    RailName,
     RequiredVehicle,
     To,
     TrackName,
     read_as,
 )
+from trackprofile.cli.plan import plan
+from trackprofile.cli.serve import serve
 from trackprofile.cli.simulate import simulate
 from trackprofile.cli.store import app as store
 from trackprofile.cli.vehicles import app as vehicles
 from trackprofile.errors import DataError, TrackprofileError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 app = typer.Typer(
     help="Track profiles, with their uncertainty, from what an ordinary train's sensors record.",
@@ -47,6 +54,9 @@ app.command()(simulate)
 app.command()(assess)
 app.command()(report)
 app.command()(changes)
+app.command()(serve)
+app.command()(fleet)
+app.command()(plan)
 app.command()(fuse)
 app.add_typer(vehicles, name="vehicles")
 app.add_typer(store, name="store")
@@ -61,19 +71,17 @@ def compare(
     passes: Annotated[
         int, typer.Option(min=1, max=2, help="Of the band filter: 2 is forwards and backwards.")
     ] = 1,
+    rail: Annotated[
+        RailName | None, typer.Option(help="Of a profile per rail; without, the mean.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Say how a profile agrees with a reference, per band of wavelengths."""
     from trackprofile.comparison import compare as compared
 
-    result = compared(
-        read_as(profile, "profile"),
-        read_as(reference, "profile"),
-        from_m=from_m,
-        to_m=to_m,
-        passes=passes,
-    )
-    show.note(result.notes)
+    pair, said = _of_rail(read_as(profile, "profile"), read_as(reference, "profile"), rail)
+    result = compared(*pair, from_m=from_m, to_m=to_m, passes=passes)
+    show.note((*said, *result.notes))
     if as_json:
         show.as_one_object(result.as_dict())
         return
@@ -94,20 +102,29 @@ def limit(
     as_json: Json = False,
 ) -> None:
     """State the least error per band that any method could reach with these sensors."""
-    from trackprofile.inference.bound import limit as least_error
+    from trackprofile.inference.bound import limit_per_rail
     from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 
     metres_per_second = _speed(speed)
     car, _ = read_vehicle(vehicle)
-    least = least_error(
+    least = limit_per_rail(
         car, read_track(track), read_sensors(sensors), metres_per_second, read_spectrum(prior)
     )
-    bands = {name: 1e3 * error for name, error in least.items()}
+    bands = {
+        rail.value: {name: 1e3 * error for name, error in errors.items()}
+        for rail, errors in least.items()
+    }
+    mean = bands.pop("mean")
     if as_json:
-        show.as_one_object({"limit_mm": bands, "speed_m_s": metres_per_second})
+        apart = {"limit_per_rail_mm": bands} if bands else {}
+        show.as_one_object({"limit_mm": mean, **apart, "speed_m_s": metres_per_second})
         return
-    rows = [(name, f"{error:.4g}") for name, error in bands.items()]
-    show.table(("band", "least RMS error, mm"), rows)
+    whose = [f"{rail}, mm" for rail in bands]
+    rows = [
+        (name, f"{error:.4g}", *(f"{of_rail[name]:.4g}" for of_rail in bands.values()))
+        for name, error in mean.items()
+    ]
+    show.table(("band", "least RMS error, mm", *whose), rows)
 
 
 @app.command()
@@ -193,6 +210,21 @@ def _options(
     ] = False,
 ) -> None:
     """Options of the command itself."""
+
+
+def _of_rail(
+    profile: xr.Dataset, reference: xr.Dataset, rail: RailName | None
+) -> tuple[tuple[xr.Dataset, xr.Dataset], tuple[str, ...]]:
+    """Both of one rail, and a sentence where the reference does not tell which it is of."""
+    from trackprofile.contracts import Rail, of_rail, rails_of
+
+    wanted = Rail(rail or RailName.MEAN)
+    one = of_rail(profile, wanted)
+    if wanted in rails_of(reference):
+        return (one, of_rail(reference, wanted)), ()
+    return (one, reference), (
+        f"The reference does not tell rails apart: its elevation is taken for that of the {wanted}",
+    )
 
 
 def _speed(text: str) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trackprofile.cli import show
-from trackprofile.cli.options import From, Json, To, read_as
+from trackprofile.cli.options import From, Json, JudgedRail, RailOf, To, read_as
 from trackprofile.errors import DataError, FileError
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from trackprofile.assessment.assess import Assessment
     from trackprofile.assessment.changes import Changes, Pass
+    from trackprofile.contracts import Rail
     from trackprofile.limits import Limits
     from trackprofile.location import Way
 
@@ -60,12 +62,17 @@ def assess(
     from_m: From = None,
     to_m: To = None,
     passes: FilterPasses = 1,
+    rail: Annotated[
+        JudgedRail | None,
+        typer.Option("--rail", help="Of a profile per rail; without, left, right and mean."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Judge a profile by limits: defects with their probability, standard deviations, classes."""
-    from trackprofile.assessment.tables import geojson, tables
+    from trackprofile.assessment.tables import geojson_per_rail, tables, tables_per_rail
+    from trackprofile.contracts import between
     from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
-    from trackprofile.reporting.summary import headline, summary
+    from trackprofile.reporting.summary import headline
 
     along = way_of(way)
     wanted = output or []
@@ -76,20 +83,24 @@ def assess(
             raise DataError(
                 f"{path}: a map needs latitude and longitude; give a --way that has them."
             )
-    found = _assessed(profile, limits, speed, from_m, to_m, passes)
-    made = tables(found, along)
+    each, apart = _each_rail(
+        between(read_as(profile, "profile"), from_m, to_m), limits, speed, passes, rail
+    )
+    found = next(iter(each.values()))
+    made = tables_per_rail(each, along) if apart else tables(found, along)
     files: list[Path] = []
     for path in wanted:
         if path.suffix.lower() == MAP:
-            files.append(write_geojson(geojson(found, along), path))
+            files.append(write_geojson(geojson_per_rail(each, along), path))
         else:
             files += write_tables(made, path)
-    said = [headline(found, along), *summary(found, along)]
+    said = [headline(found, along), *_sentences(each, along, apart=apart)]
+    notes = list(dict.fromkeys(note for one in each.values() for note in one.notes))
     if as_json:
-        about = {"summary": said, "notes": list(found.notes), "filter": found.filter}
+        about = {"summary": said, "notes": notes, "filter": found.filter}
         show.as_one_object({"files": list(map(str, files))} | about | made)
         return
-    show.note([f"{note}." for note in found.notes])
+    show.note([f"{note}." for note in notes])
     for sentence in said:
         show.say(sentence)
     if files:
@@ -120,6 +131,7 @@ def report(
     from_m: From = None,
     to_m: To = None,
     passes: FilterPasses = 1,
+    rail: RailOf = None,
     as_json: Json = False,
 ) -> None:
     """Write a report that needs no network: what is wrong, where, how sure, what it obliges to."""
@@ -129,15 +141,16 @@ def report(
 
     report_files(*output)
     along = way_of(way)
-    found = _assessed(profile, limits, speed, from_m, to_m, passes)
-    other = None if beside is None else _assessed(beside, limits, speed, from_m, to_m, passes)
+    span = (from_m, to_m, passes, rail)
+    found = _assessed(profile, limits, speed, *span)
+    other = None if beside is None else _assessed(beside, limits, speed, *span)
     changed = None
     if earlier or day:
         if not (earlier and day):
             raise DataError(
                 "A change needs both --earlier PROFILE=DAY and the --day of the profile."
             )
-        all_passes = [dated(one) for one in (*earlier, f"{profile}={day}")]
+        all_passes = [dated(one, rail) for one in (*earlier, f"{profile}={day}")]
         changed = _changed(all_passes, limits, speed)
     sources = {"profile file": profile.name, "limits file": limits}
     files = write_report(
@@ -167,6 +180,7 @@ def changes(
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help=".csv or .parquet, a file per table."),
     ] = None,
+    rail: RailOf = None,
     as_json: Json = False,
 ) -> None:
     """Say what changed between passes over the same place, how fast, and when a limit is reached."""
@@ -177,7 +191,7 @@ def changes(
     if output is not None:
         table_files(output, CHANGE_TABLES)
     along = way_of(way)
-    found = _changed([dated(one) for one in profiles], limits, speed)
+    found = _changed([dated(one, rail) for one in profiles], limits, speed)
     made = {"changes": change_table(found, along), "repeatability": repeatability_table(found)}
     files = () if output is None else write_tables(made, output)
     said = changes_summary(found, along)
@@ -200,29 +214,57 @@ def way_of(path: Path | None) -> Way:
     return Way() if path is None else read_way(path)
 
 
-def judged(profile: xr.Dataset, limits: str, speed: str, passes: int) -> Assessment:
+def _each_rail(
+    profile: xr.Dataset, limits: str, speed: str, passes: int, rail: JudgedRail | None
+) -> tuple[dict[Rail, Assessment], bool]:
+    """The assessment of the rail that is asked for, else of all that there are; and whether they are told apart."""
+    from trackprofile.contracts import Rail, rails_of
+
+    apart = len(rails_of(profile)) > 1
+    rails = list(JudgedRail) if apart and rail is None else [rail or JudgedRail.MEAN]
+    return {Rail(one): judged(profile, limits, speed, passes, one) for one in rails}, apart
+
+
+def _sentences(each: Mapping[Rail, Assessment], along: Way, *, apart: bool) -> list[str]:
+    """The summary, rail by rail."""
+    from trackprofile.reporting.summary import summary
+
+    return [
+        (f"{rail.value.capitalize()}: " if apart else "") + sentence
+        for rail, found in each.items()
+        for sentence in summary(found, along)
+    ]
+
+
+def judged(
+    read: xr.Dataset, limits: str, speed: str, passes: int, rail: JudgedRail | None = None
+) -> Assessment:
     """A profile assessed, as the options say."""
     from trackprofile.assessment.assess import assess as judge
+    from trackprofile.contracts import Rail, of_rail
     from trackprofile.io.limits_toml import read_limits
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.units import quantity
 
     rules = read_limits(limits)
+    profile = of_rail(read, Rail(rail or JudgedRail.MEAN))
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
     return judge(profile, rules, quantity(speed, "speed"), spectra=spectra, passes=passes)
 
 
 def _assessed(
-    path: Path, limits: str, speed: str, from_m: float | None, to_m: float | None, passes: int
-) -> Assessment:
+    path: Path, limits: str, speed: str, from_m: float | None, to_m: float | None, passes: int,
+    rail: JudgedRail | None,
+) -> Assessment:  # fmt: skip
     from trackprofile.contracts import between
 
-    return judged(between(read_as(path, "profile"), from_m, to_m), limits, speed, passes)
+    return judged(between(read_as(path, "profile"), from_m, to_m), limits, speed, passes, rail)
 
 
-def dated(text: str) -> Pass:
+def dated(text: str, rail: JudgedRail | None = None) -> Pass:
     """A pass of PROFILE=DAY, named after the file."""
     from trackprofile.assessment.changes import Pass
+    from trackprofile.contracts import Rail, of_rail
 
     path, _, day = text.rpartition("=")
     try:
@@ -231,7 +273,8 @@ def dated(text: str) -> Pass:
         raise FileError(
             f"{text}: expected a profile and its day, such as may.nc=2026-05-31, got {text!r}."
         ) from error
-    return Pass(read_as(Path(path), "profile"), when, Path(path).name)
+    profile = of_rail(read_as(Path(path), "profile"), Rail(rail or JudgedRail.MEAN))
+    return Pass(profile, when, Path(path).name)
 
 
 def _changed(passes: list[Pass], limits: str, speed: str | None) -> Changes:

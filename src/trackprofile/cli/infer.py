@@ -12,14 +12,10 @@ import typer
 
 from trackprofile.cli import show
 from trackprofile.cli.options import From, Json, OptionalVehicle, To, TrackName, read_as
-from trackprofile.errors import DataError, FileError
+from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from trackprofile.resume import Kept
-    from trackprofile.sensor import Installation
-    from trackprofile.vehicle import Vehicle
 
 INTERRUPTED_EXIT = 130
 """As a shell has it of what ends by Ctrl-C."""
@@ -86,6 +82,7 @@ def infer(
     from trackprofile.contracts import between
     from trackprofile.inference.cross_entropy import INTERRUPTED, cross_entropy
     from trackprofile.inference.estimate import estimate
+    from trackprofile.io.carrier import carrier
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.io.search_toml import read_search
     from trackprofile.outputs import estimate_files, summary, write_estimate
@@ -94,7 +91,7 @@ def infer(
     _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)
     estimate_files(output)
     measured = read_as(recording, "recording")
-    car, installation = _vehicle_of(measured, recording, vehicle)
+    car, installation = carrier(measured, recording, vehicle)
     support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
     settings = None if search is None else read_search(search)
     measured = between(measured, from_m, to_m)
@@ -171,21 +168,3 @@ def _only_of(method: Method, **given: object) -> None:
             raise DataError(
                 f"--{name} is not of the method {method.value}; leave it out, or choose the other --method"
             )
-
-
-def _vehicle_of(
-    recording: xr.Dataset, path: Path, given: str | None
-) -> tuple[Vehicle, Installation]:
-    """The vehicle that was given, else the one that the recording names, beside it or a preset."""
-    from trackprofile.io.model_toml import presets, read_vehicle
-
-    if given is not None:
-        return read_vehicle(given)
-    named = recording.attrs.get("vehicle", "")
-    if not named:
-        raise FileError(
-            f"{path}: it names no vehicle; add --vehicle with the TOML of one, "
-            f"or with one of the presets {', '.join(presets('vehicle'))}."
-        )
-    beside = path.parent / named
-    return read_vehicle(beside if beside.is_file() else named)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,21 +61,22 @@ def _row(content: Content) -> tuple[str, ...]:
 
 def _about(found: Inspection) -> list[str]:
     """What a recording read in this way would be, and what is wrong with it."""
+    from trackprofile.inference.doubted import told
+    from trackprofile.motion import motion
+
     if found.recording is None:
         return [f"As guessed it is no recording: {found.notes[0]}"]
     recording = found.recording
     count = recording.sizes["sample"]
     speed = recording["speed"].to_numpy() if "speed" in recording else None
     fast = "" if speed is None else f", {3.6 * speed.min():.0f} to {3.6 * speed.max():.0f} km/h"
-    kinds = Counter((one.kind, one.channel) for one in found.faults)
-    wrong = [
-        f"{number} times {kind}{f' in {channel!r}' if channel else ''}"
-        for (kind, channel), number in kinds.items()
-    ]
     return [
         f"As guessed it is a recording of {count} samples{fast}.",
         *(f"{note[0].upper()}{note[1:]}." for note in found.notes),
-        *([f"Found: {'; '.join(wrong)}."] if wrong else []),
+        *(
+            f"{note[0].upper()}{note[1:]}."
+            for note in told(found.faults, motion(recording).distance)
+        ),
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import date
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,6 +26,28 @@ OptionalVehicle = Annotated[
 ]
 RequiredVehicle = Annotated[
     str, typer.Option("--vehicle", metavar="V", help="A preset, or the TOML of a vehicle.")
+]
+
+
+class RailName(StrEnum):
+    """Of a profile that tells both rails apart."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    MEAN = "mean"
+    DIFFERENCE = "difference"
+
+
+class JudgedRail(StrEnum):
+    """Those that have a longitudinal level."""
+
+    LEFT = "left"
+    RIGHT = "right"
+    MEAN = "mean"
+
+
+RailOf = Annotated[
+    JudgedRail | None, typer.Option("--rail", help="Of a profile per rail; without, the mean.")
 ]
 
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from trackprofile.errors import printable
+
 if TYPE_CHECKING:
     from trackprofile.comparison import BandComparison, Comparison
 
@@ -40,7 +42,7 @@ def progress_bars() -> Iterator[Callable[[str, float], None] | None]:
 def note(sentences: Sequence[str]) -> None:
     """Print messages."""
     for sentence in sentences:
-        typer.echo(sentence, err=True)
+        typer.echo(printable(sentence), err=True)
 
 
 def as_one_object(result: Mapping[str, Any]) -> None:
@@ -58,7 +60,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     for number, head in enumerate(heads):
         lines.add_column(head, justify="right" if number else "left")
     for row in rows:
-        lines.add_row(*map(Text, row))
+        lines.add_row(*(Text(printable(cell)) for cell in row))
     # A pipe has no width: what a program reads must not be wrapped.
     # What stands in brackets is a unit in a column's name, not a colour.
     width = None if sys.stdout.isatty() else 200
@@ -107,6 +109,9 @@ def profile(files: Sequence[str], notes: Sequence[str], result: Mapping[str, Any
     """What infer found, in words."""
     note(notes)
     say(f"Profile from {round(result['from_m'])} m to {round(result['to_m'])} m in {files[0]}.")
+    apart = result.get("standard_deviation_per_rail_mm", {})
     for band, deviation in result["standard_deviation_mm"].items():
-        say(f"Standard deviation in {band}: {deviation:.3f} mm")
+        rails = [f"{rail} {found[band]:.3f} mm" for rail, found in apart.items() if band in found]
+        more = f" (mean), {', '.join(rails)}" if rails else ""
+        say(f"Standard deviation in {band}: {deviation:.3f} mm{more}")
     say(f"See it in {files[1]} or {files[2]}.")

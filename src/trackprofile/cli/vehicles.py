@@ -41,14 +41,14 @@ def show_vehicle(
 ) -> None:
     """Show a vehicle's parameters with their priors and sources, and its modes on a rigid track."""
     from trackprofile.io.model_toml import check_vehicle_place, read_vehicle, write_vehicle
-    from trackprofile.modes import modes
+    from trackprofile.modes import modes, roll_modes
     from trackprofile.vehicle import parameter_values
 
     car, installation = read_vehicle(vehicle)
     if output is not None:
         check_vehicle_place(output)
         write_vehicle(car, installation, output)
-    values, swings = parameter_values(car), modes(car)
+    values, swings = parameter_values(car), [*modes(car), *roll_modes(car)]
     if as_json:
         show.as_one_object(
             {

@@ -50,6 +50,8 @@ class FaultKind(StrEnum):
     MOUNTING = "mounted otherwise"
     CLOCK = "clock jump"
     SPEED = "speed missing"
+    POSITION = "position off"
+    SLIP = "wheel slips"
     REPEATED = "repeated samples"
     SPIKE = "spike"
     OUTLIER = "outlier"
@@ -61,6 +63,7 @@ class FaultKind(StrEnum):
     DRIFT = "offset drifts"
     EXCHANGED = "channels exchanged"
     SIGN = "sign turned"
+    TURNED = "runs the other way round"
 
 
 class ClockFault(IntFlag):
@@ -72,12 +75,18 @@ class ClockFault(IntFlag):
     """Rows that stood twice were left out before this sample."""
     SPEED = 4
     """The speed was missing here."""
+    POSITION = 8
+    """A satellite position or kilometre post here was weighted down."""
+    SLIP = 16
+    """The wheel that counts the distance slipped here."""
 
 
 _KIND_OF = {
     ClockFault.JUMP: "CLOCK",
     ClockFault.REPEATED: "REPEATED",
     ClockFault.SPEED: "SPEED",
+    ClockFault.POSITION: "POSITION",
+    ClockFault.SLIP: "SLIP",
 }
 
 

@@ -28,12 +28,13 @@ class Upright:
     """A signal, (n,), upwards and without gravity or a great offset.
 
     ``said`` tells what was done, "" if nothing; ``doubt`` is the relative standard deviation of a gain that was
-    corrected, for an unknown offset looks like a part of gravity.
+    corrected, for an unknown offset looks like a part of gravity; ``by_gravity`` whether that told which way is up.
     """
 
     values: Array
     said: str = ""
     doubt: float = 0.0
+    by_gravity: bool = False
 
 
 def freed_of_gravity(channel: Channel, valid: NDArray[np.bool_]) -> Upright:
@@ -61,8 +62,9 @@ def freed_of_gravity(channel: Channel, valid: NDArray[np.bool_]) -> Upright:
     said = f"{channel.name!r} reads gravity, {mean:.3g} m/s²: "
     turned = "turned upside down, and " if mean < 0 else ""
     if share > 1.0 - UPRIGHT:
-        return Upright(np.sign(mean) * (values - mean), f"{said}{turned}taken off")
+        put_right = np.sign(mean) * (values - mean)
+        return Upright(put_right, f"{said}{turned}taken off", by_gravity=True)
     angle = np.degrees(np.arccos(share))
     said += f"{turned}taken off, and corrected for {angle:.0f}° between the sensor and the vertical"
     doubt = OFFSET[channel.quantity] / (share * STANDARD_GRAVITY)
-    return Upright(np.sign(mean) * (values - mean) / share, said, doubt)
+    return Upright(np.sign(mean) * (values - mean) / share, said, doubt, by_gravity=True)

@@ -8,7 +8,9 @@ contract   dimension       variables
 recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor channel one
                            variable of any name, and ``<channel>_valid``
 profile    ``distance``    ``elevation``, ``standard_deviation``, the same per band with
-                           ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5)
+                           ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5);
+                           where both rails are told apart, ``elevation_left`` and so on
+both                       ``distance_deviation``, how well each place is known
 =========  ==============  ===========================================================
 """
 
@@ -18,6 +20,12 @@ from trackprofile.contracts.profile import Quality as Quality
 from trackprofile.contracts.profile import build_profile as build_profile
 from trackprofile.contracts.profile import known_elevation as known_elevation
 from trackprofile.contracts.profile import validate_profile as validate_profile
+from trackprofile.contracts.rails import APART as APART
+from trackprofile.contracts.rails import Rail as Rail
+from trackprofile.contracts.rails import RailLevel as RailLevel
+from trackprofile.contracts.rails import of_rail as of_rail
+from trackprofile.contracts.rails import rails_of as rails_of
+from trackprofile.contracts.rails import with_rails as with_rails
 from trackprofile.contracts.recording import QUANTITIES as QUANTITIES
 from trackprofile.contracts.recording import Channel as Channel
 from trackprofile.contracts.recording import build_recording as build_recording

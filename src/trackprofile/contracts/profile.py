@@ -11,6 +11,8 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.rows import (
+    DEVIATION,
+    check_deviation,
     check_finite,
     check_increasing,
     expect_kind,
@@ -59,6 +61,7 @@ def build_profile(
     loading: str = "unloaded",
     vehicle: str = "",
     provenance: Iterable[str] = (),
+    distance_deviation: ArrayLike | None = None,
 ) -> xr.Dataset:
     """A profile from arrays in SI units, validated.
 
@@ -72,6 +75,7 @@ def build_profile(
     quality : (points,) sums of `Quality`; None if all are good
     loading : one of `LOADINGS`
     provenance : what was done so far
+    distance_deviation : (points,), standard deviation of where each point is [m]; None: not known
 
     Raises
     ------
@@ -100,6 +104,8 @@ def build_profile(
         put(dataset, "standard_deviation", "distance", standard_deviation, metre)
     for band, values in (band_standard_deviations or {}).items():
         put(dataset, f"standard_deviation_{band}", "distance", values, metre)
+    if distance_deviation is not None:
+        put(dataset, DEVIATION, "distance", distance_deviation, metre)
     flags = np.zeros(dataset.sizes["distance"], np.int16) if quality is None else quality
     described = {
         "flag_masks": np.array(list(Quality), np.int16),
@@ -142,6 +148,8 @@ def validate_profile(profile: xr.Dataset) -> xr.Dataset:
         spread = values_of(profile, name, "distance", "m")
         good = ((spread >= 0) & np.isfinite(spread)) | (gap & np.isnan(spread))
         refuse_first(~good, name, "expected a finite number, zero or more; mend or remove it.")
+    if DEVIATION in profile:
+        check_deviation(DEVIATION, values_of(profile, DEVIATION, "distance", "m"))
     if profile.attrs["kind"] == "posterior" and "standard_deviation" not in spreads:
         raise DataError("A posterior needs its standard_deviation; without it, it is a point.")
     return profile

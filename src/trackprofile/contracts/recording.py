@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,9 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.rows import (
+    DEVIATION,
     Array,
+    check_deviation,
     check_finite,
     check_increasing,
     expect_kind,
@@ -28,11 +30,18 @@ from trackprofile.errors import DataError
 QUANTITIES: Mapping[str, tuple[str, str]] = {
     "vertical acceleration": ("m/s2", "acceleration"),
     "pitch rate": ("rad/s", "angular rate"),
+    "roll rate": ("rad/s", "angular rate"),
 }
 """What a channel may measure: its SI unit, and its dimension in `trackprofile.units`."""
 
+FIRST, LAST = ENDS = ("first", "last")
+"""Which wheel of a vehicle leads, as its positions count."""
+
 HARDEST_BRAKING = 3.0
 """Above what any train's brakes do [m/s²]; emergency brakes of trams reach it."""
+
+NUMBERS = ("noise_density", "bandwidth", "flicker")
+"""What a channel may state of itself, each above zero."""
 
 _MOTION_UNITS = {"time": "s", "distance": "m", "speed": "m/s"}
 
@@ -48,9 +57,11 @@ class Channel:
     quantity : a key of `QUANTITIES`
     body : the vehicle's body that carries the sensor
     position : ahead of that body's centre [m]
+    lateral : to the left of that body's middle [m]
     noise_density : one-sided, in the channel's unit per √Hz; None if not known
     valid : (samples,), False where the sample is not to be used; None if all are good
     bandwidth : where the sensor's own filter cuts off [Hz]; None if the sampling sets it
+    flicker : root of the one-sided density of the 1/f noise at 1 Hz, in the channel's unit per √Hz; None if not known
     """
 
     name: str
@@ -58,9 +69,11 @@ class Channel:
     quantity: str
     body: str
     position: float
+    lateral: float = field(default=0.0, kw_only=True)
     noise_density: float | None = None
     valid: NDArray[np.bool_] | None = None
     bandwidth: float | None = None
+    flicker: float | None = None
 
 
 def build_recording(
@@ -75,6 +88,9 @@ def build_recording(
     vehicle: str = "",
     provenance: Iterable[str] = (),
     clock_fault: ArrayLike | None = None,
+    distance_deviation: ArrayLike | None = None,
+    wheel_scale: float | None = None,
+    leading_end: str = "",
 ) -> xr.Dataset:
     """A recording from arrays in SI units, validated.
 
@@ -85,6 +101,9 @@ def build_recording(
     line, direction, source, vehicle : in words
     provenance : what was done so far
     clock_fault : (samples,), sums of `trackprofile.conditioning.faults.ClockFault`; None: the clock was good
+    distance_deviation : (samples,), standard deviation of the distance [m]; None: not known
+    wheel_scale : true over nominal diameter of the wheel, where positions have put the distance right by it
+    leading_end : of the vehicle as it is described, where that is known: one of `ENDS`
 
     Raises
     ------
@@ -110,6 +129,12 @@ def build_recording(
     for name, values in (("time", time), ("distance", distance), ("speed", speed)):
         if values is not None:
             put(dataset, name, "sample", values, {"units": _MOTION_UNITS[name]})
+    if distance_deviation is not None:
+        put(dataset, DEVIATION, "sample", distance_deviation, {"units": "m"})
+    if wheel_scale is not None:
+        dataset.attrs["wheel_scale"] = float(wheel_scale)
+    if leading_end:
+        dataset.attrs["leading_end"] = leading_end
     if clock_fault is not None and np.any(clock_fault):
         put(dataset, "clock_fault", "sample", clock_fault, {}, np.int8)
     for channel in channels:
@@ -133,9 +158,11 @@ def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
             quantity=variable.attrs["quantity"],
             body=variable.attrs["body"],
             position=float(variable.attrs["position"]),
+            lateral=float(variable.attrs.get("lateral", 0.0)),
             noise_density=_optional(variable.attrs.get("noise_density")),
             valid=flags_of(recording, f"{name}_valid", "sample").astype(bool),
             bandwidth=_optional(variable.attrs.get("bandwidth")),
+            flicker=_optional(variable.attrs.get("flicker")),
         )
         for name, variable in recording.data_vars.items()
         if "quantity" in variable.attrs
@@ -164,6 +191,14 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     )
     if "clock_fault" in recording:
         flags_of(recording, "clock_fault", "sample")
+    leading_end(recording)
+    scale = number_in({"wheel_scale": 1.0} | recording.attrs, "wheel_scale")
+    if not 0 < scale < np.inf:
+        raise DataError(
+            f"A recording's wheel_scale is a number above zero, this one says {scale:g}."
+        )
+    if DEVIATION in recording:
+        check_deviation(DEVIATION, values_of(recording, DEVIATION, "sample", "m"))
     names = [name for name, one in recording.data_vars.items() if "quantity" in one.attrs]
     if not names:
         raise DataError("A recording needs at least one sensor channel, this one has none.")
@@ -172,9 +207,29 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     return recording
 
 
+def leading_end(recording: xr.Dataset) -> str:
+    """Which wheel of the vehicle leads, one of `ENDS`; "" where the recording does not say.
+
+    Raises
+    ------
+    DataError : it says something else.
+    """
+    end = said(recording.attrs, "leading_end") or ""
+    if end not in {"", *ENDS}:
+        raise DataError(
+            f"A recording's leading_end is one of {', '.join(ENDS)}, this one says {end!r}."
+        )
+    return end
+
+
 def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
     name = channel.name
-    if not name or "/" in name or name.endswith("_valid") or name in {*dataset, *_MOTION_UNITS}:
+    if (
+        not name
+        or "/" in name
+        or name.endswith("_valid")
+        or name in {*dataset, *_MOTION_UNITS, DEVIATION}
+    ):
         raise DataError(
             f"Channel {name!r}: expected a name of its own, without '/', not ending in '_valid', "
             f"and none of {', '.join(_MOTION_UNITS)}."
@@ -185,7 +240,9 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
         "body": channel.body,
         "position": float(channel.position),
     }
-    for optional in ("noise_density", "bandwidth"):
+    if channel.lateral:
+        attributes["lateral"] = float(channel.lateral)
+    for optional in NUMBERS:
         if (number := getattr(channel, optional)) is not None:
             attributes[optional] = float(number)
     put(dataset, name, "sample", channel.values, attributes)
@@ -249,7 +306,11 @@ def _check_channel(name: str, recording: xr.Dataset) -> None:
     body = attributes.get("body")
     if not (isinstance(body, str) and body and np.isfinite(number_in(attributes, "position"))):
         raise DataError(f"Channel {name!r}: expected the body it is on, and a position on it in m.")
-    for optional in ("noise_density", "bandwidth"):
+    if not np.isfinite(number_in({"lateral": 0.0} | attributes, "lateral")):
+        raise DataError(
+            f"Channel {name!r}: expected a lateral position in m, positive to the left."
+        )
+    for optional in NUMBERS:
         number = number_in({optional: 1.0} | attributes, optional)
         if not 0 < number < np.inf:
             raise DataError(f"Channel {name!r}: expected a {optional} above zero, got {number:g}.")

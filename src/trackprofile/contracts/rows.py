@@ -15,6 +15,9 @@ from trackprofile.errors import DataError, RowError
 
 Array = NDArray[np.float64]
 
+DEVIATION = "distance_deviation"
+"""The variable that says how well each place is known [m], of both contracts."""
+
 
 def put(
     dataset: xr.Dataset,
@@ -86,6 +89,14 @@ def flags_of(dataset: xr.Dataset, name: str, dimension: str) -> NDArray[np.integ
 
 def check_finite(name: str, values: Array) -> None:
     refuse_first(~np.isfinite(values), name, "there is no finite number; fill or remove the row.")
+
+
+def check_deviation(name: str, values: Array) -> None:
+    refuse_first(
+        ~((values >= 0) & np.isfinite(values)),
+        name,
+        "expected a finite number, zero or more; mend or remove it.",
+    )
 
 
 def check_increasing(

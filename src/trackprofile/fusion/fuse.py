@@ -93,7 +93,7 @@ class Fused:
 
 
 def fuse(passes: Sequence[Pass], day: date | None = None) -> Fused:
-    """The profile of a line from many passes (theory, section 12).
+    """The profile of a line from many passes (theory, section 14).
 
     Parameters
     ----------

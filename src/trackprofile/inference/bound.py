@@ -8,9 +8,11 @@ import numpy as np
 from scipy.integrate import quad_vec
 
 from trackprofile.bands import BANDS, Band
+from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
 from trackprofile.receptance import point_track
-from trackprofile.sensor import Sensor
+from trackprofile.roll import halves_of, pairs_of, rolling_for, rolling_track
+from trackprofile.sensor import Sensor, stated_noise
 from trackprofile.spectrum import Spectrum
 from trackprofile.statespace import state_space, transfer_function
 from trackprofile.track import Track
@@ -33,8 +35,8 @@ def limit(
 ) -> dict[str, float]:
     """Least possible root-mean-square error of the profile in each band, m.
 
-    1/S_post(Ω) = 1/S_prior(Ω) + Σ |H(Ω, v)|² / S_noise, integrated over the band, with S_noise = N² v/(2π) per
-    rad/m of a sensor with the one-sided noise density N per √Hz (theory, section 8).
+    1/S_post(Ω) = 1/S_prior(Ω) + Σ |H(Ω, v)|² / S_noise, integrated over the band, with S_noise = S(f) v/(2π) per
+    rad/m and S(f) the one-sided density of all noise that a sensor states, at f = Ωv/2π (theory, section 8).
 
     Parameters
     ----------
@@ -61,14 +63,16 @@ def limit(
         raise ModelError(
             f"The limit is that of a running train: the speed must be above 0 m/s, got {speed:g}."
         )
-    densities = [sensor.noise_density for sensor in sensors]
-    if not densities or None in densities:
+    if not sensors or any(sensor.noise_density is None for sensor in sensors):
         raise ModelError("The limit needs at least one sensor, and the noise_density of each.")
-    noise = np.square(np.array(densities, dtype=np.float64)) * speed / (2 * np.pi)
     system = state_space(vehicle, point_track(track), sensors)
 
     def posterior(omega: float) -> float:
         at = np.array([omega])
+        frequency = at * speed / (2 * np.pi)
+        noise = (
+            np.concatenate([stated_noise(one, frequency) for one in sensors]) * speed / (2 * np.pi)
+        )
         gained = np.sum(np.abs(transfer_function(system, at, speed)[0]) ** 2 / noise)
         return float(1.0 / (1.0 / prior.density(at)[0] + gained))
 
@@ -81,3 +85,46 @@ def limit(
         )
         errors[band.name] = float(np.sqrt(variance))
     return errors
+
+
+def limit_per_rail(
+    vehicle: Vehicle, track: Track, sensors: Sequence[Sensor], speed: float, prior: Spectrum,
+    bands: Sequence[Band] = BANDS,
+) -> dict[Rail, dict[str, float]]:  # fmt: skip
+    """The same of the mean of both rails, of their difference, and of either rail, where sensors tell them apart.
+
+    Mean and difference are independent on a car that is alike on both sides, so that σ² = σ_m² + σ_c²/4 is that of
+    either rail, if sensors left and right are equally good. The prior is that of the mean; the difference's is taken
+    to have the same density, of which little depends where sensors see anything.
+
+    Returns
+    -------
+    by rail and band, m; the mean alone where no two sensors stand left and right, and none measures roll
+
+    Raises
+    ------
+    ModelError
+        As of :func:`limit`; where the vehicle does not state what roll takes.
+
+    Examples
+    --------
+    >>> from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
+    >>> boxes = [Sensor(name, "vertical acceleration", "wheel 1", lateral=y, noise_density=1e-2)
+    ...     for name, y in (("left", 1.0), ("right", -1.0))]
+    >>> velaro, _ = read_vehicle("velaro")
+    >>> least = limit_per_rail(velaro, read_track("rigid"), boxes, 150 / 3.6, read_spectrum("german-low"))
+    >>> {rail.value: round(1e3 * errors["D1"], 3) for rail, errors in least.items()}  # mm
+    {'mean': 0.048, 'difference': 0.072, 'left': 0.06, 'right': 0.06}
+    """
+    mean, difference = halves_of(sensors, pairs_of(sensors), vehicle.contact_spacing)
+    found = {Rail.MEAN: limit(vehicle, track, mean.sensors, speed, prior, bands)}
+    if difference.sensors:
+        car = rolling_for(vehicle, point_track(track), difference.sensors)
+        support = rolling_track(point_track(track))
+        across = limit(car, support, difference.sensors, speed, prior, bands)
+        side = {
+            band: float(np.hypot(error, 0.5 * across[band]))
+            for band, error in found[Rail.MEAN].items()
+        }
+        found |= {Rail.DIFFERENCE: across, Rail.LEFT: side, Rail.RIGHT: side}
+    return found

@@ -17,8 +17,10 @@ from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.inference import cross_entropy_kernels as kernels
 from trackprofile.inference.doubted import said
+from trackprofile.inference.facing import expect_as_described
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import loading, measured
+from trackprofile.inference.rails import mean_alone
 from trackprofile.inference.scans import Scans, scans_of
 from trackprofile.inference.trial import Trial, trial
 from trackprofile.integrate import wilson
@@ -145,7 +147,8 @@ def cross_entropy(
     """
     installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
-    data = measured(recording, installation)
+    expect_as_described(recording, "the cross-entropy method")
+    data = mean_alone(measured(recording, installation), vehicle, installation)
     search = search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
     scans, notes = scans_of(data, installation, search)
     notes = (*said(data), *notes)
@@ -364,6 +367,8 @@ def _reproduced(
     signals = model.signals(march.elevation, 0, march.decided)
     out = {}
     for i, name in enumerate(scans.channels):
+        if name not in recording:  # the mean of two channels is neither
+            continue
         out[name] = np.full(recording.sizes["sample"], np.nan)
         out[name][scans.samples[: march.decided]] = signals[:, i]
     return out

@@ -20,7 +20,7 @@ Mask = NDArray[np.bool_]
 SINGLE = 2
 """Samples in a row up to which outliers are spikes of the sensor; more may be the track's."""
 
-IN_NOTES = {FaultKind.MOUNTING, FaultKind.EXCHANGED, FaultKind.SIGN}
+IN_NOTES = {FaultKind.MOUNTING, FaultKind.EXCHANGED, FaultKind.SIGN, FaultKind.TURNED}
 """Kinds that a sentence of their own tells."""
 
 NAMED = 3

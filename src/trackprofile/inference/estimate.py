@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import FILTER_NAME
 from trackprofile.conditioning.faults import Fault
-from trackprofile.contracts import build_profile, with_provenance
-from trackprofile.inference.blocks import Piece, Task, cut, joined, solved, usual_draws
+from trackprofile.contracts import build_profile, with_provenance, with_rails
+from trackprofile.inference.blocks import Block, Piece, Task, cut, joined, solved, usual_draws
 from trackprofile.inference.doubted import told
+from trackprofile.inference.facing import facing
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import (
     KNOT_SPACING,
@@ -26,9 +27,12 @@ from trackprofile.inference.measured import (
     moved,
 )
 from trackprofile.inference.noise import find_noise
+from trackprofile.inference.places import deviation_at, of_true_distance
+from trackprofile.inference.rails import ByRail, levels_of, of_difference
 from trackprofile.inference.sensitivity import with_gains
 from trackprofile.inference.wiring import rewired
 from trackprofile.receptance import point_track
+from trackprofile.roll import rolling_for, rolling_track
 from trackprofile.sensor import Installation
 from trackprofile.spectrum import Spectrum
 from trackprofile.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
@@ -91,7 +95,8 @@ def infer(
     vehicle : the vehicle that carries the sensors
     installation : of the sensors, from a calibration; None takes the recording's word
     track : what the wheels stand on; None is a rigid track
-    prior : spectrum of the profile before anything is measured; None finds its level and knee from the data
+    prior : spectrum of the profile, the mean of both rails, before anything is measured; None finds its level from the
+        data. That of the rails' difference is always found from the data
     draws : number of posterior draws behind the bands' standard deviations; None: 128, for a long ride down to 24
     seed : of the draws
     correct : take off what the full model of a layered track makes of the profile beyond the point track that
@@ -101,7 +106,8 @@ def infer(
 
     Returns
     -------
-    the profile contract: elevation (m) every 0.25 m where the leading wheel ran
+    the profile contract: elevation (m) every 0.25 m where the leading wheel ran; with sensors left and right, or of
+    roll, also that of each rail and their difference
 
     Raises
     ------
@@ -135,26 +141,105 @@ def estimate(
     ``kept`` holds the blocks that an earlier call with the same arguments has solved, and is given the others.
     """
     installation, track = installation or Installation(), track or RigidTrack()
-    calibrated = installation.uncertainty is not None
     progress = progress or (lambda stage, share: None)
-    data = rewired(measured(recording, installation), vehicle, point_track(track))
+    kept = {} if kept is None else kept
+    installation, scaled = of_true_distance(installation, recording)
+    data = measured(recording, installation)
+    sides, vehicle = facing(data, recording, vehicle, point_track(track), installation)
+    ride = _Ride(vehicle, installation, track, draws, seed, correct)
+    mean = _inferred(sides.mean, ride, prior, kept, 0, progress, load=load)
+    difference = None
+    if sides.difference is not None:
+        ride = _of_difference(ride, sides, mean)
+        difference = _inferred(
+            rewired(sides.difference, ride.vehicle, point_track(ride.track)), ride, None, kept,
+            mean.blocks, lambda stage, share: progress(f"{stage}, difference", share), knee=True,
+        )  # fmt: skip
+    places, located = deviation_at(mean.piece.place, mean.run, recording)
+    mean = replace(mean, notes=(*scaled, *located, *mean.notes))
+    return _together(sides, mean, difference, places, track, vehicle)
+
+
+@dataclass(frozen=True)
+class _Ride:
+    """What the smoother is told of one half of a recording; see :func:`infer`."""
+
+    vehicle: Vehicle
+    installation: Installation
+    track: Track
+    draws: int | None
+    seed: int
+    correct: bool
+
+
+@dataclass(frozen=True)
+class _Inferred:
+    """What it found: in how many ``blocks``, from ``data``, at the samples' places ``run``; ``step`` says how."""
+
+    piece: Piece
+    data: Measured
+    model: Model
+    run: Array
+    notes: tuple[str, ...]
+    step: str
+    blocks: int
+
+    @property
+    def reproduced(self) -> Array:
+        """(samples, sensors)"""
+        return self.data.signals - self.piece.left
+
+
+def _inferred(
+    data: Measured, ride: _Ride, prior: Spectrum | None, kept: MutableMapping[int, Piece], first: int,
+    progress: Progress, *, load: bool = False, knee: bool = False,
+) -> _Inferred:  # fmt: skip
+    """The smoother on one half; its blocks are kept from number ``first`` on.
+
+    Of the load and the knee of the prior is found what is asked for.
+    """
+    installation, track = ride.installation, ride.track
+    calibrated = installation.uncertainty is not None
     model, notes = find_noise(
-        data, vehicle, point_track(track), installation, prior, progress, load=load
+        data, ride.vehicle, point_track(track), installation, prior, progress, load=load, knee=knee
     )
     if any(data.gain_doubt):
         installation = replace(installation, uncertainty=with_gains(installation.uncertainty, data))
         notes += ("the uncertainty of a gain that an angle made is in that of the profile",)
     run = moved(data, model).distance
-    draws = draws or usual_draws(cut(run))
+    blocks = cut(run)
+    draws = ride.draws or usual_draws(blocks)
     ends = (float(run[0]), float(run[-1]))
-    task = Task(model, installation, track, draws, seed, correct, ends)
+    task = Task(model, installation, track, draws, ride.seed, ride.correct, ends)
     data = replace(data, loud=loudness(data))
-    found = joined(_pieces(data, run, task, {} if kept is None else kept, progress))
-    faults = (*data.faults, *found.faults)
-    notes = (*data.notes, *told(faults, run), *notes, *_reduction(track, model.track, correct))
+    found = joined(_pieces(data, blocks, task, kept, first, progress))
+    notes = (
+        *data.notes, *told((*data.faults, *found.faults), run), *notes,
+        *_reduction(track, model.track, ride.correct),
+    )  # fmt: skip
     if calibrated:
         notes += ("the uncertainty of the calibrated vehicle is in that of the profile",)
-    step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {seed}; bands: {FILTER_NAME}"
+    step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {ride.seed}; bands: {FILTER_NAME}"
+    return _Inferred(found, data, model, run, notes, step, len(blocks))
+
+
+def _of_difference(ride: _Ride, sides: ByRail, mean: _Inferred) -> _Ride:
+    """On the rolling car, loaded as it was found to be; a full model of the track that rolls there is none."""
+    assert sides.difference is not None
+    support = point_track(ride.track)
+    car = rolling_for(mean.model.vehicle, support, sides.halves[1].sensors)
+    installation = of_difference(ride.installation, ride.vehicle, car, sides.difference)
+    return replace(
+        ride, vehicle=car, installation=installation, track=rolling_track(support), correct=False
+    )
+
+
+def _together(
+    sides: ByRail, mean: _Inferred, difference: _Inferred | None, places: Array | None, track: Track,
+    vehicle: Vehicle,
+) -> Estimate:  # fmt: skip
+    """The profile of the mean, and beside it those of both rails where the difference is told."""
+    found, notes, remarks = mean.piece, mean.notes, mean.piece.notes
     profile = build_profile(
         found.place,
         found.elevation,
@@ -165,34 +250,42 @@ def estimate(
         quality=found.flags,
         loading=loading(track),
         vehicle=vehicle.name,
+        distance_deviation=places,
     )
+    faults, likelihood = (*mean.data.faults, *found.faults), found.log_likelihood
+    if difference is not None:
+        across = difference.piece
+        notes += tuple(f"difference of the rails: {note}" for note in difference.notes)
+        remarks = tuple(dict.fromkeys((*remarks, *across.notes)))
+        faults, likelihood = (*faults, *across.faults), likelihood + across.log_likelihood
+        profile = with_rails(profile, levels_of(found, across, sides.shared), across.flags)
     return Estimate(
-        with_provenance(profile, "; ".join([step, *notes])),
-        {one.name: data.signals[:, i] - found.left[:, i] for i, one in enumerate(data.sensors)},
-        run,
-        model,
-        (*notes, *found.notes),
-        found.log_likelihood,
+        with_provenance(profile, "; ".join([mean.step, *notes])),
+        sides.reproduced(mean.reproduced, None if difference is None else difference.reproduced),
+        mean.run,
+        mean.model,
+        (*notes, *remarks),
+        likelihood,
         faults,
     )
 
 
 def _pieces(
-    data: Measured, run: Array, task: Task, kept: MutableMapping[int, Piece], progress: Progress
-) -> list[Piece]:
-    """All blocks of a ride, solved, or taken from what was kept of an earlier one."""
-    blocks = cut(run)
+    data: Measured, blocks: Sequence[Block], task: Task, kept: MutableMapping[int, Piece], first: int,
+    progress: Progress,
+) -> list[Piece]:  # fmt: skip
+    """All blocks of a ride, solved, or taken from what was kept of an earlier one from number ``first`` on."""
 
     def told(stage: str, share: float, number: int) -> None:
         progress(stage, (number + share) / len(blocks) if stage == "smoothing" else share)
 
     pieces = []
     for block in blocks:
-        piece = kept.get(block.number)
+        piece = kept.get(first + block.number)
         if piece is None:
             piece = solved(data, block, task, partial(told, number=block.number))
             if len(blocks) > 1:
-                kept[block.number] = piece
+                kept[first + block.number] = piece
         pieces.append(piece)
         progress("smoothing", (block.number + 1) / len(blocks))
     return pieces

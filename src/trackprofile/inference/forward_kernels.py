@@ -17,7 +17,7 @@ def simulated(
 
     ``states`` (size, m) starts as a draw of the initial state; ``entering`` (bays, m) are the coefficients'
     innovations, ``shaking`` (bays, n, m) standard normal for the unmodelled accelerations, ``wandering`` (bays,
-    sensors, m) the steps of the offsets.
+    flicker + sensors, m) the steps of flicker and offsets.
     """
     n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
     ring = states.shape[0] - n
@@ -42,10 +42,10 @@ def simulated(
                 for c in range(a + 1):
                     for s in range(m):
                         states[a, s] += root[a, c] * shaking[b, c, s]
-        sensors = wandering.shape[1]
-        for i in range(sensors):
+        walking = wandering.shape[1]
+        for i in range(walking):
             for s in range(m):
-                states[n - sensors + i, s] += wandering[b, i, s]
+                states[n - walking + i, s] += wandering[b, i, s]
         one, two, three = oldest_places(n, ring, newest + b)
         for s in range(m):
             knots[b, s] = (states[one, s] + 4.0 * states[two, s] + states[three, s]) / 6.0

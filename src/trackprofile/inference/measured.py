@@ -20,6 +20,7 @@ from trackprofile.conditioning.faults import (
 )
 from trackprofile.conditioning.mounting import Upright, freed_of_gravity
 from trackprofile.conditioning.rules import far, resolution
+from trackprofile.conditioning.sources import PLACED
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
@@ -66,6 +67,9 @@ class Measured:
     loud : (sensors,), root mean square of each signal about its mean over the whole recording; None: of these samples
     limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
     low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
+    by_gravity : per sensor, whether gravity told which way is up
+    turned : whether the vehicle's last wheel leads; the sensors are then those of
+        :func:`trackprofile.vehicle.turned_round`
     """
 
     motion: Motion
@@ -81,6 +85,8 @@ class Measured:
     loud: Array | None = None
     limits: Array | None = None
     low_pass: tuple[float | None, ...] = ()
+    by_gravity: tuple[bool, ...] = ()
+    turned: bool = False
 
     def part(self, rows: slice | Mask) -> Measured:
         """The same of some samples only."""
@@ -125,11 +131,12 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
         marked(frozenset(FaultKind) - {FaultKind.SATURATED}),
         (*faults, *_mounted(parts, upright, count)),
         (
-            *(step for step in steps_of(recording) if step.startswith(MENDED)),
+            *(step for step in steps_of(recording) if step.startswith((MENDED, PLACED))),
             *lost,
             *(one.said for one in upright if one.said),
         ),
         gain_doubt=tuple(one.doubt for one in upright),
+        by_gravity=tuple(one.by_gravity for one in upright),
     )
 
 
@@ -158,10 +165,10 @@ def _mounted(parts: Sequence[Channel], upright: Sequence[Upright], count: int) -
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
     for sensor in calibrated:
         if (sensor.quantity, sensor.body) == (channel.quantity, channel.body):
-            return replace(sensor, name=channel.name)
+            return replace(sensor, name=channel.name, lateral=channel.lateral)
     return Sensor(
         channel.name, channel.quantity, channel.body, channel.position, channel.noise_density,
-        bandwidth=channel.bandwidth,
+        bandwidth=channel.bandwidth, flicker=channel.flicker, lateral=channel.lateral,
     )  # fmt: skip
 
 
@@ -301,7 +308,7 @@ def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> F
 
 
 def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> Start:
-    """The prior of the first state, with the spread of unmodelled accelerations, low-passes, residuals, offsets."""
+    """The prior of the first state, with the spread of unmodelled accelerations, filters, flicker and offsets."""
     loud = loudness(data)
     most = float(np.max(local_loudness(data, loud)))
     residuals = [
@@ -315,7 +322,7 @@ def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> St
     filters += [most * float(value) for value in residuals if value]
     filters += [float(value) for value in low_passes if value]
     offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
-    others = np.array([*np.repeat(filters, FILTER_STATES), *offsets])
+    others = np.array([*np.repeat(filters, FILTER_STATES), *np.sqrt(system.flicker), *offsets])
     return start_of_ride(system, model.spectrum, ride, others)
 
 

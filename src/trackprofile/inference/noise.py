@@ -24,6 +24,7 @@ from trackprofile.inference.measured import (
 from trackprofile.inference.parameters import (
     Parameter,
     changed,
+    knee_parameter,
     load_parameter,
     prior_parameters,
     values_of,
@@ -51,11 +52,12 @@ def find_noise(
     progress: Progress,
     *,
     load: bool = False,
+    knee: bool = False,
 ) -> tuple[Model, tuple[str, ...]]:
     """The model with every noise density and the prior filled in, and sentences that say how.
 
     What is stated is kept. Unknown are the prior's amplitude where no prior is given, the noise of sensors
-    that do not state theirs, and the load where it is asked for.
+    that do not state theirs, and the load and the prior's knee where they are asked for.
     """
     model = Model(
         vehicle,
@@ -66,7 +68,7 @@ def find_noise(
         prior or USUAL,
         installation.distance_scale,
     )
-    unknowns = _unknowns(model, data, prior, load=load)
+    unknowns = _unknowns(model, data, prior, load=load, knee=knee)
     if not unknowns:
         return model, _assumed(model)
     piece = _informative(data)
@@ -133,7 +135,7 @@ def _started(data: Measured) -> tuple[Sensor, ...]:
 
 
 def _unknowns(
-    model: Model, data: Measured, prior: Spectrum | None, *, load: bool
+    model: Model, data: Measured, prior: Spectrum | None, *, load: bool, knee: bool
 ) -> list[Parameter]:
     level = [replace(one, name="prior amplitude") for one in prior_parameters(model)]
     noise = [
@@ -141,6 +143,7 @@ def _unknowns(
         for one, sensor in zip(white_noise_parameters(model), data.sensors, strict=True)
         if sensor.noise_density is None
     ]
+    level += [knee_parameter(model)] if knee else []
     return [*(level if prior is None else []), *noise, *([load_parameter(model)] if load else [])]
 
 

@@ -15,7 +15,7 @@ from trackprofile.errors import ModelError
 from trackprofile.inference.measured import Model
 from trackprofile.sensor import UNITS, VERTICAL_ACCELERATION, Sensor
 from trackprofile.track import ElasticTrack
-from trackprofile.vehicle import parameter_values, with_parameters
+from trackprofile.vehicle import OF_ROLL, parameter_values, with_parameters
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ def chosen(every: Sequence[Parameter], names: Sequence[str]) -> list[Parameter]:
 
 
 def vehicle_parameters(model: Model) -> list[Parameter]:
-    """Masses, inertias and suspension, as the vehicle names them."""
+    """Masses, inertias and suspension, as the vehicle names them; without those that only roll feels."""
 
     def one(name: str, unit: str, spread: float) -> Parameter:
         return Parameter(
@@ -95,7 +95,11 @@ def vehicle_parameters(model: Model) -> list[Parameter]:
             lambda model, value: replace(model, vehicle=with_parameters(model.vehicle, {name: value})),
         )  # fmt: skip
 
-    return [one(p.name, p.unit, p.spread) for p in model.vehicle.parameters]
+    return [
+        one(p.name, p.unit, p.spread)
+        for p in model.vehicle.parameters
+        if any(field not in OF_ROLL for _, field in p.used_by)
+    ]
 
 
 def place_parameters(model: Model) -> list[Parameter]:
@@ -141,13 +145,21 @@ def prior_parameters(model: Model) -> list[Parameter]:
     return [_field("prior level", "m² rad/m", 3.0, "spectrum.amplitude")]
 
 
+def knee_parameter(model: Model) -> Parameter:
+    """Where the spectrum's short waves begin to fall faster."""
+    return _field("prior knee", "rad/m", 0.7, "spectrum.upper")
+
+
 def load_parameter(model: Model) -> Parameter:
     """What the first body weighs on the day, of what it weighs in the model; its inertia goes with it."""
     empty = model.vehicle.bodies[0]
 
     def put(model: Model, share: float) -> Model:
-        inertia = None if empty.pitch_inertia is None else share * empty.pitch_inertia
-        loaded = replace(empty, mass=share * empty.mass, pitch_inertia=inertia)
+        pitch, roll = (
+            None if one is None else share * one
+            for one in (empty.pitch_inertia, empty.roll_inertia)
+        )
+        loaded = replace(empty, mass=share * empty.mass, pitch_inertia=pitch, roll_inertia=roll)
         bodies = (loaded, *model.vehicle.bodies[1:])
         return replace(model, vehicle=replace(model.vehicle, bodies=bodies))
 

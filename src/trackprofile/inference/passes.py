@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
 from trackprofile.inference.doubted import said
+from trackprofile.inference.facing import expect_as_described
 from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import Measured, measured
+from trackprofile.inference.rails import mean_alone
 from trackprofile.sensor import Installation
 from trackprofile.vehicle import Vehicle
 
@@ -56,7 +58,9 @@ def passes_of(
     DataError
         Where the recordings have other sensors than the first, or the reference covers none of them.
     """
-    data = [measured(one, installation) for one in recordings]
+    for one in recordings:
+        expect_as_described(one, "a calibration")
+    data = [mean_alone(measured(one, installation), vehicle, installation) for one in recordings]
     for i, one in enumerate(data[1:], start=2):
         _expect_same_sensors(data[0], one, i)
     notes = [

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import D1, Band, edge_distance
+from trackprofile.conditioning.faults import GAP
 from trackprofile.contracts import Quality
 from trackprofile.inference.measured import KNOT_SPACING, Measured, Model, moved
 from trackprofile.inference.ride import Ride
@@ -31,6 +32,9 @@ UNEXPLAINED = 0.3
 
 NEAR = 2.5
 """m to each side, over which surprise and what is left are taken."""
+
+FELT = 4 * KNOT_SPACING
+"""m to each side of a sample that it tells of."""
 
 
 def quality(
@@ -63,7 +67,27 @@ def quality(
     ):
         for i, sensor in enumerate(model.sensors):
             flags[felt_at(place, run[marked[:, i]], model.vehicle, sensor.body)] |= flag
+    for valid, sensor in zip(data.valid.T, model.sensors, strict=True):
+        flags[felt_at(place, missed(run[valid]), model.vehicle, sensor.body)] |= Quality.FAULTY
     return flags
+
+
+def missed(sampled: Array) -> Array:
+    """Places inside gaps of samples that stand at ``sampled``, (m,) rising, in m: farther than usual from both sides.
+
+    Examples
+    --------
+    >>> missed(np.array([0.0, 0.5, 1.0, 4.0, 4.5]))
+    array([2.  , 2.25, 2.5 , 2.75, 3.  ])
+    """
+    apart = np.diff(sampled)
+    gaps = (
+        np.flatnonzero(apart > max(2 * FELT, GAP * float(np.median(apart)))) if len(apart) else []
+    )
+    inside = [
+        np.arange(sampled[k] + FELT, sampled[k + 1] - FELT + 1e-9, KNOT_SPACING) for k in gaps
+    ]
+    return np.concatenate([np.zeros(0), *inside])
 
 
 def unexplained_samples(
@@ -105,7 +129,7 @@ def _means(data: Measured, used: Array) -> Array:
 
 
 def felt_at(place: Array, sampled: Array, vehicle: Vehicle, part: str | None) -> Mask:
-    """Where a wheel that carries the part (None: any wheel) ran within a metre of a sample.
+    """Where a wheel that carries the part (None: any wheel) ran within ``FELT`` of a sample.
 
     Parameters
     ----------
@@ -121,7 +145,7 @@ def felt_at(place: Array, sampled: Array, vehicle: Vehicle, part: str | None) ->
             continue
         at = np.concatenate([[-np.inf], sampled - wheel.position, [np.inf]])
         after = np.searchsorted(at, place)
-        felt |= np.minimum(at[after] - place, place - at[after - 1]) <= 4 * KNOT_SPACING
+        felt |= np.minimum(at[after] - place, place - at[after - 1]) <= FELT
     return felt
 
 

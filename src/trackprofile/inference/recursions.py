@@ -20,9 +20,9 @@ def covariances(
     """Gains, innovation variances S, and the covariance row of the oldest knot at the end of each bay.
 
     P is the initial covariance and becomes the last one. What unmodelled accelerations do within a bay, Q, and how
-    far the offsets walk are added at its end.
+    far the last of the states walk, flicker and offsets, are added at its end.
     """
-    size, n, sensors = P.shape[0], F_all.shape[1], walk_all.shape[1]
+    size, n, walking = P.shape[0], F_all.shape[1], walk_all.shape[1]
     ring = size - n
     moved, p = np.empty((n, size)), np.empty(size)
     for b in range(F_all.shape[0]):
@@ -48,8 +48,8 @@ def covariances(
         for a in range(Q_all.shape[1]):
             for c in range(n):
                 P[a, c] += Q_all[b, a, c]
-        for i in range(sensors):
-            P[n - sensors + i, n - sensors + i] += walk_all[b, i]
+        for i in range(n - walking, n):
+            P[i, i] += walk_all[b, i - n + walking]
         one, two, three = oldest_places(n, ring, newest + b)
         for j in range(size):
             knots[b, j] = (P[one, j] + 4.0 * P[two, j] + P[three, j]) / 6.0

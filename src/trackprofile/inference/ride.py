@@ -42,8 +42,9 @@ class Ride:
     ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there
     are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is;
     ``bay_position`` (bays,) is where the leading wheel starts each bay, m; knots are counted from
-    ``first_knot`` and lie ``spacing`` m apart. The last of the n states are the sensors' offsets, which walk by the
-    variance ``walk`` (bays, sensors) in each bay.
+    ``first_knot`` and lie ``spacing`` m apart. The last of the n states are the sensors' flicker and then their
+    ``offsets``, as many as there are sensors: ``walk`` (bays, flicker + offsets) is the variance that they gain in each
+    bay.
     """
 
     F: Array
@@ -62,11 +63,7 @@ class Ride:
     start_position: float
     start_speed: float
     walk: Array
-
-    @property
-    def offsets(self) -> int:
-        """How many sensors there are."""
-        return self.walk.shape[1]
+    offsets: int
 
     @property
     def first_knot(self) -> int:
@@ -124,13 +121,24 @@ def build_ride(
     return Ride(
         F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, first_position[:, 0],
         spacing, ring, newest,
-        float(steps.position[0]), float(steps.speed[0]), np.zeros((count, len(system.C))),
+        float(steps.position[0]), float(steps.speed[0]), _walking(system, F), len(system.C),
     )  # fmt: skip
 
 
 def with_offsets(ride: Ride, variance: Array) -> Ride:
     """The ride with offsets that walk by that variance more, (bays, sensors)."""
-    return replace(ride, walk=ride.walk + variance)
+    walk = ride.walk.copy()
+    walk[:, -ride.offsets :] += variance
+    return replace(ride, walk=walk)
+
+
+def _walking(system: StateSpace, F: Array) -> Array:
+    """What flicker gains in each bay so that its variance stays, σ² (1 - e^(-2ωt)); offsets are constant so far."""
+    count, offsets = len(system.flicker), len(system.C)
+    states = np.arange(count) + len(system.A) - offsets - count
+    walk = np.zeros((len(F), count + offsets))
+    walk[:, :count] = system.flicker * (1.0 - np.square(F[:, states, states]))
+    return walk
 
 
 def cut_into_steps(motion: Motion, spacing: float) -> Steps:

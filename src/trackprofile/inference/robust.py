@@ -177,7 +177,9 @@ def _jumps(jumps: Array, score: Array, precision: Array, least: float) -> Array:
     """Of one offset: those of the last round that still show, ``least`` variances large, and the clearest other."""
     known = precision > LEAST_TOLD * np.max(precision, initial=0.0)
     precise = np.where(known, precision, 1.0)
-    shown, without = np.square(score / precise), np.maximum(1.0 / precise - jumps, 0.0)
+    shown = np.square(score / precise)
+    # As far as round-off tells what is left of 1/precision without the jump's own variance.
+    without = np.maximum(1.0 / precise - jumps, LEAST_TOLD / precise)
     far = np.where(known, shown / without, 0.0)
     b = int(np.argmax(np.where(jumps > 0.0, 0.0, far)))
     stay = (jumps > 0.0) | (np.arange(len(jumps)) == b)

@@ -1,8 +1,10 @@
-"""Channels that were exchanged or turned round, told by what the same track makes of each.
+"""Channels that were exchanged or turned round, and a vehicle that runs the other way round, told by what the same
+track makes of each channel.
 
 All sensors feel one profile, so that their spectra at a frequency f are those of one random number times the transfer
 functions h(Ω), Ω = 2πf/v: the covariance of all channels is α (h hᴴ + D). An exchange or a change of sign puts phases
-or sizes where no profile could.
+or sizes where no profile could; with the other end leading sensors feel the track in another order, and what was
+nose-up is nose-down.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from numpy.typing import NDArray
 from trackprofile.conditioning.faults import Fault, FaultKind
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured
+from trackprofile.roll import RollingVehicle
+from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.statespace import state_space, transfer_function
 from trackprofile.track import PointTrack
-from trackprofile.vehicle import Vehicle
+from trackprofile.vehicle import Vehicle, turned_round
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -47,16 +51,22 @@ FEWEST = 40
 
 @dataclass(frozen=True)
 class Wiring:
-    """Which measured channel each sensor has, and with which sign."""
+    """Which measured channel each sensor has, and with which sign; ``turned``: on the vehicle turned round."""
 
     order: tuple[int, ...]
     sign: tuple[int, ...]
+    turned: bool = False
 
 
 def rewired(data: Measured, vehicle: Vehicle, track: PointTrack) -> Measured:
     """The recording with channels put right that were exchanged or turned round, said in its faults and notes.
 
-    Nothing is changed where it is not much more likely so; one channel alone cannot tell.
+    Nothing is changed where it is not much more likely so; one channel alone cannot tell. An accelerometer that reads
+    gravity has the right sign.
+
+    Parameters
+    ----------
+    vehicle : with the end first that is taken to lead
 
     Raises
     ------
@@ -67,32 +77,62 @@ def rewired(data: Measured, vehicle: Vehicle, track: PointTrack) -> Measured:
     spectra = list(_spectra(data)) if count > 1 else []
     if not spectra:
         return data
-    system = state_space(vehicle, track, data.sensors)
-    pairs = [
-        (y, transfer_function(system, 2 * np.pi * f / speed, speed)) for f, y, speed in spectra
-    ]
-    as_it_is, *others = _wirings(count)
-    frequencies = sum(len(y) for y, _ in pairs)
-    here = _log_likelihood(pairs, as_it_is)
-    gains = [_log_likelihood(pairs, one) - here for one in others]
+    # Which end leads the mean of both rails tells; what rolls follows it.
+    as_it_is, *others = _wirings(data, turnable=not isinstance(vehicle, RollingVehicle))
+    pairs = {False: _pairs(spectra, vehicle, track, data.sensors)}
+    if others[0].turned:
+        turned = turned_sensors(data).sensors
+        pairs[True] = _pairs(spectra, turned_round(vehicle), track, turned)
+    frequencies = sum(len(y) for y, _ in pairs[False])
+    here = _log_likelihood(pairs[False], as_it_is)
+    gains = [_log_likelihood(pairs[one.turned], one) - here for one in others]
     best = int(np.argmax(gains))
     if frequencies < FEWEST or gains[best] < CLEARLY * frequencies:
         return data
     alike = [one for one, gain in zip(others, gains, strict=True) if gain > gains[best] - 1.0]
-    if len(alike) > 1:
+    if len([one for one in alike if not one.turned]) > 1:
         names = " and ".join(repr(one.name) for one in data.sensors)
         raise DataError(
             f"The signs of {names} contradict each other: one of them is turned round; find out which (at rest an "
-            "accelerometer reads gravity upwards), and turn it in the recording."
+            "accelerometer reads gravity upwards), or the vehicle runs the other way round (leading_end): mend the "
+            "recording."
         )
-    return _put_right(data, others[best])
+    return _put_right(data, alike)
 
 
-def _wirings(count: int) -> list[Wiring]:
-    """As it is, one sign turned, or two channels exchanged."""
+def turned_sensors(data: Measured) -> Measured:
+    """The same, on the vehicle turned round: what was ahead is behind, left is right, nose-up is nose-down."""
+    sensors = tuple(
+        replace(one, position=-one.position, lateral=-one.lateral, tilt=-one.tilt)
+        for one in data.sensors
+    )
+    sign = np.array(_nose_down(data), dtype=np.float64)
+    return replace(data, sensors=sensors, signals=data.signals * sign, turned=not data.turned)
+
+
+def _nose_down(data: Measured) -> tuple[int, ...]:
+    """The sign of what each sensor reads on the vehicle turned round."""
+    return tuple(-1 if one.quantity in {PITCH_RATE, ROLL_RATE} else 1 for one in data.sensors)
+
+
+def _pairs(
+    spectra: list[tuple[Array, ComplexArray, float]], vehicle: Vehicle, track: PointTrack,
+    sensors: tuple[Sensor, ...],
+) -> list[tuple[ComplexArray, ComplexArray]]:  # fmt: skip
+    """Spectra of windows, and the transfer functions that they should have."""
+    system = state_space(vehicle, track, sensors)
+    return [(y, transfer_function(system, 2 * np.pi * f / speed, speed)) for f, y, speed in spectra]
+
+
+def _wirings(data: Measured, *, turnable: bool) -> list[Wiring]:
+    """As it is, the vehicle turned, one sign turned that gravity does not tell, or two channels exchanged."""
+    count = len(data.sensors)
     straight, plus = tuple(range(count)), (1,) * count
     found = [Wiring(straight, plus)]
-    for i in range(count):
+    if turnable:
+        found.append(Wiring(straight, _nose_down(data), turned=True))
+    told = data.by_gravity or (False,) * count
+    for i in (i for i in range(count) if not told[i]):
         found.append(Wiring(straight, tuple(-1 if j == i else 1 for j in range(count))))
     for i, j in combinations(range(count), 2):
         order = list(straight)
@@ -138,7 +178,33 @@ def _log_likelihood(pairs: list[tuple[ComplexArray, ComplexArray]], wiring: Wiri
     return total
 
 
-def _put_right(data: Measured, wiring: Wiring) -> Measured:
+def _put_right(data: Measured, alike: list[Wiring]) -> Measured:
+    """The recording by the likeliest wiring, or by one of two that say the same: an exchange, or the vehicle turned."""
+    turned = [one for one in alike if one.turned]
+    others = [one for one in alike if not one.turned]
+    exchanged = bool(others) and others[0].order != tuple(range(len(data.sensors)))
+    if turned and not exchanged:
+        return _turned(data, others)
+    return _rewired(data, others[0], ", or the vehicle runs the other way round" if turned else "")
+
+
+def _turned(data: Measured, others: list[Wiring]) -> Measured:
+    """The recording of the vehicle turned round; ``others`` would explain it as well, and are less likely."""
+    last = len(data.motion.time) - 1
+    doubt = ""
+    if others:
+        name = data.sensors[others[0].sign.index(-1)].name
+        doubt = f" (or the sign of {name!r} is turned: then places are off by up to the vehicle's length)"
+    said = f"the vehicle runs the other way round, its last wheel leads: the signals fit no profile otherwise{doubt}"
+    found = turned_sensors(data)
+    return replace(
+        found,
+        faults=(*data.faults, Fault(FaultKind.TURNED, "", 0, last)),
+        notes=(*data.notes, f"{said}; state leading_end in the recording"),
+    )
+
+
+def _rewired(data: Measured, wiring: Wiring, doubt: str) -> Measured:
     order, sign = list(wiring.order), np.array(wiring.sign, dtype=np.float64)
     last = len(data.motion.time) - 1
     changed = [i for i, (j, s) in enumerate(zip(order, sign, strict=True)) if i != j or s < 0]
@@ -150,7 +216,7 @@ def _put_right(data: Measured, wiring: Wiring) -> Measured:
         )
     else:
         kind = FaultKind.EXCHANGED
-        said = f"{names[0]!r} and {names[1]!r} are exchanged: they fit no profile otherwise; mend the recording"
+        said = f"{names[0]!r} and {names[1]!r} are exchanged{doubt}: they fit no profile otherwise; mend the recording"
     return replace(
         data,
         signals=data.signals[:, order] * sign,

@@ -6,6 +6,7 @@ apart has read to the end within its limits is then read here. It is started onc
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import os
 import select
@@ -64,6 +65,8 @@ def tried_apart(path: Path, module: str) -> None:
 def _worker() -> subprocess.Popen[str]:
     if _workers and _workers[0].poll() is None:
         return _workers[0]
+    if not _workers:
+        atexit.register(_end_all)
     _workers.clear()
     _workers.append(
         subprocess.Popen(
@@ -86,6 +89,11 @@ def _end(worker: subprocess.Popen[str]) -> None:
         if stream is not None:
             stream.close()
     _workers.clear()
+
+
+def _end_all() -> None:
+    for worker in tuple(_workers):
+        _end(worker)
 
 
 def serve() -> None:

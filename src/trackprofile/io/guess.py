@@ -23,10 +23,16 @@ class Role(StrEnum):
     TIME = "time"
     DISTANCE = "distance"
     SPEED = "speed"
+    LATITUDE = "latitude"
+    LONGITUDE = "longitude"
+    GNSS_SPEED = "satellite speed"
+    PULSES = "odometer pulses"
+    POST = "kilometre posts"
     VERTICAL = "vertical acceleration"
     PITCH = "pitch rate"
+    ROLL = "roll rate"
     ACCELERATION = "acceleration, not vertical"
-    RATE = "rate, not of pitch"
+    RATE = "rate, of neither pitch nor roll"
     OTHER = "other"
 
 
@@ -34,20 +40,36 @@ DIMENSIONS: Mapping[Role, str] = {
     Role.TIME: "time",
     Role.DISTANCE: "length",
     Role.SPEED: "speed",
+    Role.LATITUDE: "angle",
+    Role.LONGITUDE: "angle",
+    Role.GNSS_SPEED: "speed",
+    Role.POST: "length",
     Role.VERTICAL: "acceleration",
     Role.PITCH: "angular rate",
+    Role.ROLL: "angular rate",
 }
+
+SENSORS = (Role.VERTICAL, Role.PITCH, Role.ROLL)
+"""What a recording's channels measure."""
 
 _ACCELERATION = r"acc|beschl|\ba_?[xyz]\b|加速度"
 _ACROSS = "lat|quer|long|längs"
 _RATE = r"gyr|rate|omega|winkelgeschw|dreh(rate|geschw)|角速度"
+_SATELLITE = "gps|gnss|doppler|衛星"
+_SPEED = r"speed|veloc|geschw|tacho|\bv\b|速度"
 _NAMES: tuple[tuple[Role, str], ...] = (
     (Role.ACCELERATION, rf"({_ACCELERATION}).*({_ACROSS}|[_ ]?[xy]\b)|({_ACROSS}).*({_ACCELERATION})"),
     (Role.VERTICAL, _ACCELERATION),
     (Role.PITCH, r"pitch|nick|ピッチ"),
-    (Role.RATE, rf"({_RATE}).*(roll|yaw|gier|wank|[_ ]?[xz]\b)|(roll|yaw|gier|wank)"),
+    (Role.RATE, rf"({_RATE}).*(yaw|gier|[_ ]?z\b)|(yaw|gier)"),
+    (Role.ROLL, rf"({_RATE}).*[_ ]?x\b|roll|wank|ロール"),
     (Role.PITCH, _RATE),
-    (Role.SPEED, r"speed|veloc|geschw|tacho|\bv\b|速度"),
+    (Role.GNSS_SPEED, rf"({_SATELLITE}).*({_SPEED})|({_SPEED}).*({_SATELLITE})"),
+    (Role.SPEED, _SPEED),
+    (Role.LATITUDE, r"\blat(itude)?\b|breite|緯度"),
+    (Role.LONGITUDE, r"\b(lon|lng|long)(gitude)?\b|länge(ngrad)?\b|経度"),
+    (Role.PULSES, r"puls|impuls|\bticks?\b|encoder|zähl|counter|パルス"),
+    (Role.POST, r"post|hektomet|(km|kilomet\w*)[ -]?(stein|tafel|mark)|milestone|キロ程標|距離標"),
     (Role.DISTANCE, r"dist|weg|chainage|mileage|kilomet|station|odo|距離"),
     (Role.TIME, r"time|zeit|stamp|\bt\b|\butc|時刻"),
 )  # fmt: skip
@@ -59,21 +81,36 @@ _BODIES = (
     (r"axle|box|wheel|radsatz|achs|軸箱", "wheelset 1"),
 )  # fmt: skip
 
+_LEFT, _RIGHT = r"\b(left|links?|l|li|lh)\b|左", r"\b(right|rechts?|r|re|rh)\b|右"
+
+TO_ONE_SIDE = 1.0
+"""m from the middle, at which a sensor probably is of which only the side is said."""
+
+_DEGREES = {Role.LATITUDE: 90.0, Role.LONGITUDE: 180.0}
+
+PLACED = 0.5
+"""Share of missing values from which kilometres are posts passed, and no distance."""
+
 STEADY = 0.99
 """Share of steps in one direction that make a distance."""
 
 _FASTEST = 60.0
 """m/s: what is above is in km/h."""
 
+_LONGEST = 3000.0
+"""km: posts below say kilometres."""
+
 
 @dataclass(frozen=True)
 class Guess:
-    """Role, unit, and the body that carries it; ``sure`` where the file says the unit itself."""
+    """Role, unit, and the body that carries it, how far to the left of its middle; ``sure`` where the file says the
+    unit itself."""
 
     role: Role
     unit: str = ""
     body: str = ""
     sure: bool = False
+    lateral: float = 0.0
 
 
 def guess(heading: Heading, values: Array) -> Guess:
@@ -82,7 +119,7 @@ def guess(heading: Heading, values: Array) -> Guess:
     Examples
     --------
     >>> guess(Heading("Bogie acc z", "g"), np.array([1.0, 1.01]))
-    Guess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True)
+    Guess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True, lateral=0.0)
     >>> guess(Heading("GPS speed"), np.array([0.0, 140.0])).unit
     'km/h'
     """
@@ -95,12 +132,26 @@ def guess(heading: Heading, values: Array) -> Guess:
         role = _by_unit(unit)
         if role is Role.DISTANCE and not _goes_on(values):
             role = Role.OTHER  # a height, or some other length
+    role = _by_what_it_holds(role, values)
+    if role is Role.PULSES:
+        return Guess(role, "pulses", sure=True)
     dimension = DIMENSIONS.get(role)
     if dimension is None:
         return Guess(role, unit)
     sure = _is_of(unit, dimension)
-    body = _body(heading.name) if role in {Role.VERTICAL, Role.PITCH} else ""
-    return Guess(role, unit if sure else _by_values(role, values), body, sure)
+    body = _body(heading.name) if role in SENSORS else ""
+    lateral = _lateral(heading.name) if role is Role.VERTICAL else 0.0
+    return Guess(role, unit if sure else _by_values(role, values), body, sure, lateral)
+
+
+def _by_what_it_holds(role: Role, values: Array) -> Role:
+    """The role, or another where the values cannot be of it."""
+    known = values[np.isfinite(values)]
+    if role in _DEGREES and known.size and np.max(np.abs(known)) > _DEGREES[role]:
+        return Role.OTHER
+    if role is Role.DISTANCE and 0 < known.size < (1.0 - PLACED) * values.size:
+        return Role.POST
+    return role
 
 
 def _goes_on(values: Array) -> bool:
@@ -145,13 +196,24 @@ def _by_values(role: Role, values: Array) -> str:
     if known.size:
         if role is Role.VERTICAL and abs(abs(np.median(known)) - 1.0) < 0.1:
             return "g"
-        if role is Role.SPEED and np.max(np.abs(known)) > _FASTEST:
+        if role in {Role.SPEED, Role.GNSS_SPEED} and np.max(np.abs(known)) > _FASTEST:
             return "km/h"
         if role is Role.VERTICAL and abs(abs(np.median(known)) - 1000.0) < 100.0:
             return "mg"
+        if role in _DEGREES:
+            return "°"
+        if role is Role.POST and np.max(np.abs(known)) < _LONGEST:
+            return "km"
     return next(iter(FACTORS[DIMENSIONS[role]]))
 
 
 def _body(name: str) -> str:
     plain = name.lower()
     return next((body for words, body in _BODIES if re.search(words, plain)), "body")
+
+
+def _lateral(name: str) -> float:
+    """m to the left; 0 where a name says neither side, or both."""
+    plain = re.sub(r"[_./]+", " ", name.lower())
+    left, right = (bool(re.search(words, plain)) for words in (_LEFT, _RIGHT))
+    return TO_ONE_SIDE * (left - right)

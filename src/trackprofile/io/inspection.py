@@ -16,7 +16,7 @@ from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files
-from trackprofile.io.guess import Guess, Role, guess
+from trackprofile.io.guess import SENSORS, STEADY, Guess, Role, guess
 from trackprofile.io.heading import Heading
 from trackprofile.io.recording_columns import recording_of
 from trackprofile.io.recording_document import Document
@@ -32,7 +32,7 @@ class Content:
     """A column: what the file says of it, what it probably is, and its values in a few numbers.
 
     ``rate`` is its sampling rate by its clock or the file's, Hz, 0 where there is none; ``least``, ``mean`` and
-    ``greatest`` in its own unit, NaN where it holds texts.
+    ``greatest`` in its own unit, NaN where it holds texts; ``falls`` whether it goes down as often as a count does not.
     """
 
     heading: Heading
@@ -43,6 +43,7 @@ class Content:
     mean: float
     greatest: float
     rate: float
+    falls: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,10 @@ def _content(path: Path, heading: Heading, values: Mapping[str, Array], clock: s
         least, mean, greatest = (float(f(known)) for f in (np.min, np.mean, np.max))
     rate = _rate(values[by]) if by in values and len(values[by]) == len(own) else 0.0
     missing = len(own) - len(known)
-    return Content(heading, guess(heading, own), len(own), missing, least, mean, greatest, rate)
+    falls = bool(np.mean(np.diff(known) < 0) > 1.0 - STEADY) if known.size > 1 else False
+    return Content(
+        heading, guess(heading, own), len(own), missing, least, mean, greatest, rate, falls
+    )
 
 
 def _rate(time: Array) -> float:
@@ -153,15 +157,23 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
         f"data = {toml_document.written(data)}",
     ]
     clocks = {one.heading.clock for one in contents} - {""}
+    satellites = _by_satellite(contents)
+    speeds = [one for one in contents if one.guess.role is Role.SPEED]
+    if not satellites:
+        speeds += [one for one in contents if one.guess.role is Role.GNSS_SPEED]
+    pulsed = any(one.guess.role is Role.PULSES for one in contents)
     for role, key in ((Role.TIME, "time"), (Role.DISTANCE, "distance"), (Role.SPEED, "speed")):
-        those = [one for one in contents if one.guess.role is role]
+        those = speeds if role is Role.SPEED else [c for c in contents if c.guess.role is role]
+        if role is Role.DISTANCE and pulsed:
+            continue  # one wheel is counted once
         if role is Role.TIME and clocks:
             continue  # each channel has the file's own
         for number, one in enumerate(those):
-            line = f"{key} = {toml_document.written({'column': one.heading.name, 'unit': one.guess.unit})}"
+            line = f"{key} = {_quantity(one)}"
             lines.append(("# or: " if number else "") + line + _mark(one))
     lines.append('# vehicle = "velaro"  # a preset, or the TOML of a vehicle beside this file')
-    sensors = [one for one in contents if one.guess.role in {Role.VERTICAL, Role.PITCH}]
+    lines += [*satellites, *_by_wheel_and_posts(contents)]
+    sensors = [one for one in contents if one.guess.role in SENSORS]
     for one in sensors:
         lines += [
             "",
@@ -172,13 +184,71 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
             f"body = {toml_document.written(one.guess.body)}  # guessed",
             "position = 0.0  # guessed: m ahead of that body's centre",
         ]
+        if one.guess.lateral:
+            lines.append(f"lateral = {one.guess.lateral}  # guessed: m to the left of its middle")
     rest = [one.heading.name for one in contents if one.guess.role not in _USED]
     if rest:
         lines += ["", "# Not used: " + ", ".join(map(toml_document.written, rest))]
     return "\n".join(lines) + "\n"
 
 
-_USED = {Role.TIME, Role.DISTANCE, Role.SPEED, Role.VERTICAL, Role.PITCH}
+def _by_satellite(contents: Sequence[Content]) -> list[str]:
+    """The table of satellite positions, where there are both coordinates."""
+    roles = (Role.LATITUDE, Role.LONGITUDE, Role.GNSS_SPEED)
+    first = {role: next((c for c in contents if c.guess.role is role), None) for role in roles}
+    if first[Role.LATITUDE] is None or first[Role.LONGITUDE] is None:
+        return []
+    lines = ["", "[recording.gnss]"]
+    for role, key in zip(roles, ("latitude", "longitude", "speed"), strict=True):
+        if (one := first[role]) is not None:
+            lines.append(f"{key} = {_quantity(one)}{_mark(one)}")
+    return [
+        *lines,
+        '# valid = "fix"  # a column of 1 and 0',
+        "# delay = 0.2  # s by which a fix is recorded late",
+    ]
+
+
+def _by_wheel_and_posts(contents: Sequence[Content]) -> list[str]:
+    """The tables of an odometer's pulses and of kilometre posts."""
+    lines = []
+    pulses = next((one for one in contents if one.guess.role is Role.PULSES), None)
+    if pulses is not None:
+        lines += [
+            "",
+            "[recording.odometer]",
+            f"column = {toml_document.written(pulses.heading.name)}",
+            'unit = "pulses"',
+            f"each_row = {toml_document.written(pulses.falls)}  # guessed: pulses since the row before, or of all",
+            "per_revolution = 80  # guessed",
+            "wheel_diameter = 0.92  # guessed: m",
+        ]
+    post = next((one for one in contents if one.guess.role is Role.POST), None)
+    if post is not None:
+        lines += [
+            "",
+            "[recording.posts]",
+            f"column = {toml_document.written(post.heading.name)}",
+            f"unit = {toml_document.written(post.guess.unit)}{_mark(post)}",
+        ]
+    return lines
+
+
+def _quantity(content: Content) -> str:
+    return toml_document.written({"column": content.heading.name, "unit": content.guess.unit})
+
+
+_USED = {
+    Role.TIME,
+    Role.DISTANCE,
+    Role.SPEED,
+    Role.LATITUDE,
+    Role.LONGITUDE,
+    Role.GNSS_SPEED,
+    Role.PULSES,
+    Role.POST,
+    *SENSORS,
+}
 
 
 def _mark(content: Content) -> str:

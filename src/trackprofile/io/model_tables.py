@@ -62,12 +62,14 @@ class Body(Strict):
     mass: Number
     pitch_inertia: Number | None = None
     position: Number = 0.0
+    roll_inertia: Number | None = None
 
 
 class Wheel(Strict):
     name: str
     mass: Number
     position: Number
+    roll_inertia: Number | None = None
 
 
 class Link(Strict):
@@ -77,18 +79,22 @@ class Link(Strict):
     position: Number
     stiffness: Number
     damping: Number
+    semi_spacing: Number | None = None
+    roll_stiffness: Number = 0.0
 
 
 class Sensor(Strict):
     name: str
-    quantity: Literal["vertical acceleration", "pitch rate"]
+    quantity: Literal["vertical acceleration", "pitch rate", "roll rate"]
     body: str
     position: float = 0.0
+    lateral: float = 0.0
     unit: str
     noise_density: PositiveFloat | None = None
     bandwidth: PositiveFloat | None = None
     offset: NonNegativeFloat | None = None
     drift: NonNegativeFloat | None = None
+    flicker: NonNegativeFloat | None = None
 
     @property
     def factor(self) -> float:
@@ -99,14 +105,13 @@ class Sensor(Strict):
     def si(self) -> sensor.Sensor:
         factor = self.factor
         fields = self.model_dump(include=Sensor.model_fields.keys() - {"unit"})
-        for field in ("noise_density", "offset", "drift"):
+        for field in ("noise_density", "offset", "drift", "flicker"):
             if fields[field] is not None:
                 fields[field] *= factor
         return sensor.Sensor(**fields)
 
 
 class Instrument(Sensor):
-    flicker: NonNegativeFloat = 0.0
     resolution: NonNegativeFloat = 0.0
     range: PositiveFloat | None = None
     misalignment_deg: float = 0.0
@@ -115,7 +120,6 @@ class Instrument(Sensor):
     def complete(self, source: str) -> instrument.Instrument:
         return instrument.Instrument(
             self.si(),
-            flicker=self.flicker * self.factor,
             resolution=self.resolution * self.factor,
             range=None if self.range is None else self.range * self.factor,
             misalignment=math.radians(self.misalignment_deg),
@@ -175,6 +179,7 @@ class Installation(Strict):
 
 class Vehicle(Sourced):
     name: str
+    contact_spacing: PositiveFloat = 1.5
     parameter: dict[str, Parameter] = Field(default_factory=dict)
     body: list[Body]
     wheel: list[Wheel]

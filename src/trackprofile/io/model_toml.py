@@ -14,6 +14,7 @@ A vehicle is a list of parts; a number is in SI, or the name of a parameter that
     mass = "body mass"
     pitch_inertia = 4e5                     # optional: without it the body only heaves
     position = 1.25                         # m behind the leading wheel, as everywhere
+    roll_inertia = 3e4                      # optional: for a profile per rail
 
     [[wheel]]
     name = "wheel 1"
@@ -27,6 +28,7 @@ A vehicle is a list of parts; a number is in SI, or the name of a parameter that
     position = 0
     stiffness = 1e6
     damping = 2e4
+    semi_spacing = 1                        # optional: m from the middle to the springs of either side
 
 What a calibration found beside it stands in the tables ``installation`` and ``calibration``.
 """
@@ -67,6 +69,9 @@ _DIMENSIONS = {
     "position": "length",
     "stiffness": "stiffness",
     "damping": "damping",
+    "roll_inertia": "inertia",
+    "semi_spacing": "length",
+    "roll_stiffness": "rotational stiffness",
 }
 """Which fields of a part a parameter may stand for."""
 
@@ -307,6 +312,7 @@ def _vehicle(read: tables.Vehicle) -> Vehicle:
         parameters=tuple(
             _shared(name, parameter, parts) for name, parameter in read.parameter.items()
         ),
+        contact_spacing=read.contact_spacing,
     )
 
 
@@ -357,6 +363,7 @@ def _vehicle_table(
     names = {place: one.name for one in vehicle.parameters for place in one.used_by}
     parts = {"body": vehicle.bodies, "wheel": vehicle.wheels, "link": vehicle.links}
     table: dict[str, object] = {"name": vehicle.name, "source": vehicle.source or None}
+    table["contact_spacing"] = vehicle.contact_spacing
     table["parameter"] = parameters
     for kind, ones in parts.items():
         table[kind] = [

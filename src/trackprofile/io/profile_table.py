@@ -1,19 +1,24 @@
 """A profile as a table, in CSV or Parquet.
 
 Columns: ``distance_m``, ``elevation_m`` and, where known, ``standard_deviation_m``, the same per
-band (``standard_deviation_D1_m`` ...) and ``quality``; others are not read. A table has no place
-for the attributes: what it holds is a posterior if it has a standard deviation, else a point.
+band (``standard_deviation_D1_m`` ...), ``distance_deviation_m`` and ``quality``; where both rails are
+told apart, the same of ``elevation_left``, ``elevation_right`` and ``elevation_difference``; others
+are not read. A table has no place for the attributes: what it holds is a posterior if it has a
+standard deviation, else a point.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from trackprofile.contracts import Quality, build_profile
+from trackprofile.contracts import APART, Quality, RailLevel, build_profile, with_rails
+from trackprofile.contracts.rails import QUALITY, variable
+from trackprofile.contracts.rows import DEVIATION
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import SUFFIXES as SUFFIXES
@@ -36,12 +41,14 @@ def read(path: Path) -> xr.Dataset:
     band_columns = {
         match[1]: name for name in names if (match := re.fullmatch(f"{_SPREAD}_(.+)_m", name))
     }
-    optional = [name for name in (f"{_SPREAD}_m", "quality") if name in names]
-    wanted = ["distance_m", "elevation_m", *optional, *band_columns.values()]
+    known = (f"{_SPREAD}_m", f"{DEVIATION}_m", "quality")
+    optional = [name for name in known if name in names]
+    apart = [name for name in names if _of_one_rail(name)]
+    wanted = ["distance_m", "elevation_m", *optional, *band_columns.values(), *apart]
     table = read_columns(path, wanted)
     spread = table.get(f"{_SPREAD}_m")
     with located(path, {name.removesuffix("_m"): name for name in wanted}):
-        return build_profile(
+        profile = build_profile(
             table["distance_m"],
             table["elevation_m"],
             kind="point" if spread is None else "posterior",
@@ -49,24 +56,48 @@ def read(path: Path) -> xr.Dataset:
             band_standard_deviations={band: table[name] for band, name in band_columns.items()},
             quality=_flags(table["quality"]) if "quality" in table else None,
             provenance=[f"read from {path.name}"],
+            distance_deviation=table.get(f"{DEVIATION}_m"),
         )
+        return _with_rails(profile, table) if apart else profile
 
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
     """Write the profile's variables; its attributes are lost."""
-    names = ["distance", "elevation", *(str(name) for name in dataset if _SPREAD in str(name))]
-    columns = {f"{name}_m": dataset[name].to_numpy() for name in names}
+    own = {DEVIATION, *(variable(rail) for rail in APART)}
+    more = (str(name) for name in dataset if _SPREAD in str(name) or name in own)
+    columns = {f"{name}_m": dataset[name].to_numpy() for name in ("distance", "elevation", *more)}
+    flags = {name: dataset[name].to_numpy() for name in ("quality", QUALITY) if name in dataset}
     with whole_files(path) as (file,):
-        write_columns(file, columns | {"quality": dataset["quality"].to_numpy()})
+        write_columns(file, columns | flags)
     return (path,)
 
 
-def _flags(values: np.ndarray) -> np.ndarray:
+def _of_one_rail(column: str) -> bool:
+    """Whether a column is one of left, right or difference."""
+    names = "|".join(variable(rail) for rail in APART)
+    return bool(re.fullmatch(rf"(?:{names})(?:_{_SPREAD}(?:_.+)?)?_m|{QUALITY}", column))
+
+
+def _with_rails(profile: xr.Dataset, table: Mapping[str, np.ndarray]) -> xr.Dataset:
+    levels = {}
+    for rail in (one for one in APART if f"{variable(one)}_m" in table):
+        own = f"{variable(rail)}_{_SPREAD}"
+        spreads = {
+            match[1]: values
+            for name, values in table.items()
+            if (match := re.fullmatch(f"{own}_(.+)_m", name))
+        }
+        levels[rail] = RailLevel(table[f"{variable(rail)}_m"], table.get(f"{own}_m"), spreads)
+    flags = table.get(QUALITY)
+    return with_rails(profile, levels, None if flags is None else _flags(flags, QUALITY))
+
+
+def _flags(values: np.ndarray, column: str = "quality") -> np.ndarray:
     most = 2 * max(Quality) - 1
     wrong = ~np.isin(values, np.arange(most + 1))
     if wrong.any():
         row = int(np.argmax(wrong))
         raise RowError(
-            "quality", row + 1, f"expected a sum of flags, 0 to {most}, found {values[row]:g}."
+            column, row + 1, f"expected a sum of flags, 0 to {most}, found {values[row]:g}."
         )
     return values.astype(np.int16)

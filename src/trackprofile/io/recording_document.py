@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from pydantic import Field, PositiveFloat
+from typing import Literal
 
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from trackprofile.conditioning.sources import NOMINAL
 from trackprofile.io import toml_document
 
 
@@ -14,6 +17,44 @@ class Quantity(toml_document.Strict):
     unit: str
 
 
+class Gnss(toml_document.Strict):
+    """The table ``[recording.gnss]``: satellite positions; lengths in m, times in s."""
+
+    latitude: Quantity
+    longitude: Quantity
+    speed: Quantity | None = None
+    valid: str | None = None
+    deviation: PositiveFloat | None = None
+    wander: NonNegativeFloat | None = None
+    delay: float = 0.0
+    behind: float = 0.0
+    time: Quantity | None = None
+
+
+class Odometer(toml_document.Strict):
+    """The table ``[recording.odometer]``: pulses of a wheel, or metres that it counts."""
+
+    column: str
+    unit: str
+    each_row: bool = False
+    per_revolution: PositiveFloat | None = None
+    wheel_diameter: PositiveFloat | None = None
+    scale_deviation: PositiveFloat = NOMINAL
+    time: Quantity | None = None
+
+
+class Posts(toml_document.Strict):
+    """The table ``[recording.posts]``: kilometre posts passed; lengths in m, times in s."""
+
+    column: str
+    unit: str
+    data: str | None = None
+    time: Quantity | None = None
+    deviation: PositiveFloat = 5.0
+    timing: NonNegativeFloat = 0.5
+    behind: float = 0.0
+
+
 class Head(toml_document.Strict):
     """The table ``[recording]``."""
 
@@ -21,6 +62,13 @@ class Head(toml_document.Strict):
     time: Quantity | None = None
     distance: Quantity | None = None
     speed: Quantity | None = None
+    distance_deviation: Quantity | None = None
+    wheel_scale: PositiveFloat | None = None
+    gnss: Gnss | None = None
+    odometer: Odometer | None = None
+    posts: Posts | None = None
+    way: str | None = None
+    leading_end: Literal["first", "last"] | None = None
     line: str = ""
     direction: str = ""
     source: str = ""
@@ -36,8 +84,10 @@ class Sensor(toml_document.Strict):
     quantity: str
     body: str
     position: float
+    lateral: float = 0.0
     noise_density: PositiveFloat | None = None
     bandwidth: PositiveFloat | None = None
+    flicker: PositiveFloat | None = None
     valid: str | None = None
     time: Quantity | None = None
 

@@ -8,11 +8,13 @@ speed = { column = "speed_km_h", unit = "km/h" }
 [[sensor]]
 column = "body_vertical_acceleration_m_s2"
 unit = "m/s²"
-quantity = "vertical acceleration"                 # or "pitch rate"
+quantity = "vertical acceleration"                 # or "pitch rate", "roll rate"
 body = "body"                                      # a body of the vehicle, by name
 position = 6.9                                     # m ahead of that body's centre
+lateral = 1.0                                      # optional, m to the left of that body's middle
 noise_density = 0.01                               # optional, per root hertz, in the unit above
 bandwidth = 10                                     # optional, Hz, where its own filter cuts off
+flicker = 0.003                                    # optional, of the 1/f noise at 1 Hz, per root hertz
 valid = "accelerometer_good"                       # optional, a column of 1 and 0
 """
 
@@ -23,6 +25,7 @@ from pathlib import Path
 import xarray as xr
 
 from trackprofile.contracts import QUANTITIES, channels
+from trackprofile.contracts.recording import leading_end
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import FileError
 from trackprofile.io import table, toml_document
@@ -34,7 +37,7 @@ NAME = "a recording as a table with a TOML of the same name beside it that expla
 HOLDS = ("recording",)
 SUFFIXES = (".toml", *(suffix for suffix in table.LOGGER_SUFFIXES if suffix != ".nc"))
 
-_SI = {"time": "s", "distance": "m", "speed": "m/s"}
+_SI = {"time": "s", "distance": "m", "speed": "m/s", "distance_deviation": "m"}
 
 
 def sniff(path: Path) -> bool:
@@ -99,9 +102,13 @@ def _explains(explained: Path, data: Path) -> bool:
 
 
 def _explanation(dataset: xr.Dataset, data: str, columns: dict) -> str:
-    head = {"data": data}
+    head: dict[str, object] = {"data": data}
     head |= {n: {"column": n, "unit": u} for n, u in _SI.items() if n in columns}
     head |= {word: dataset.attrs[word] for word in WORDS if dataset.attrs.get(word)}
+    if "wheel_scale" in dataset.attrs:
+        head["wheel_scale"] = float(dataset.attrs["wheel_scale"])
+    if end := leading_end(dataset):
+        head["leading_end"] = end
     head |= {"provenance": steps_of(dataset)}
     lines = ["[recording]", *_lines(head)]
     for channel in channels(dataset):
@@ -112,8 +119,10 @@ def _explanation(dataset: xr.Dataset, data: str, columns: dict) -> str:
             "quantity": channel.quantity,
             "body": channel.body,
             "position": channel.position,
+            "lateral": channel.lateral or None,
             "noise_density": channel.noise_density,
             "bandwidth": channel.bandwidth,
+            "flicker": channel.flicker,
             "valid": f"{channel.name}_valid" if f"{channel.name}_valid" in columns else None,
         }
         lines += _lines({key: value for key, value in sensor.items() if value is not None})

@@ -1,15 +1,15 @@
 """Tables of numbers, by column, in every format that has one: what profiles and recordings share.
 
-==============================================  ============================================================
-suffix                                          format
-==============================================  ============================================================
+================================================  ============================================================
+suffix                                            format
+================================================  ============================================================
 ``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``  CSV in any dialect: :mod:`trackprofile.io.csv_dialect`
-``.parquet``                                    Parquet
-``.h5``, ``.hdf5``, ``.hdf``, ``.nc``           HDF5 and NetCDF 4: rows of numbers by their path
-``.mat``                                        MATLAB, version 5 to 7.3
-``.mf4``, ``.mdf``                              ASAM MDF, with the extra ``mdf``
-``.tdms``                                       TDMS, with the extra ``tdms``
-==============================================  ============================================================
+``.parquet``                                      Parquet
+``.h5``, ``.hdf5``, ``.hdf``, ``.nc``             HDF5 and NetCDF 4: rows of numbers by their path
+``.mat``                                          MATLAB, version 5 to 7.3
+``.mf4``, ``.mdf``                                ASAM MDF, with the extra ``mdf``
+``.tdms``                                         TDMS, with the extra ``tdms``
+================================================  ============================================================
 """
 
 from __future__ import annotations

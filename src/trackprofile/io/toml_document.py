@@ -47,9 +47,20 @@ def parse(text: str, path: Path, model: type[Document]) -> Document:
     FileError : as of `load`.
     """
     try:
-        return model.model_validate(tomllib.loads(text))
+        return checked(tomllib.loads(text), path, model)
     except tomllib.TOMLDecodeError as error:
         raise FileError(f"{path}: not valid TOML: {error}.") from error
+
+
+def checked(tables: Mapping[str, Any], path: Path, model: type[Document]) -> Document:
+    """The document in what was read already, which errors place at ``path``.
+
+    Raises
+    ------
+    FileError : as of `load`.
+    """
+    try:
+        return model.model_validate(tables)
     except ValidationError as error:
         raise FileError(f"{path}: {_first_problem(error, model)}") from error
 

@@ -11,7 +11,14 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.bands import D1, D2, Band, band_pass_pieces, resample, runs
-from trackprofile.contracts import Channel, channels, known_elevation
+from trackprofile.contracts import (
+    Channel,
+    Rail,
+    channels,
+    known_elevation,
+    of_rail,
+    rails_of,
+)
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
@@ -21,7 +28,11 @@ MOST_POINTS = 4000
 
 _TWO_SIDED_95 = 1.96
 _MILLI = 1e3
-_SHOWN_IN = {"vertical acceleration": ("m/s²", 1.0), "pitch rate": ("mrad/s", _MILLI)}
+_SHOWN_IN = {
+    "vertical acceleration": ("m/s²", 1.0),
+    "pitch rate": ("mrad/s", _MILLI),
+    "roll rate": ("mrad/s", _MILLI),
+}
 ELEVATION, INTERVAL, GAP = "elevation", "95 % interval", "no data"
 MEASURED, REPRODUCED, RESIDUAL = "measured", "reproduced", "residual"
 SIMULATED = "simulated"
@@ -167,6 +178,7 @@ class _Track:
     distance: Array
     elevation: Array
     deviations: Mapping[str, Array]
+    sides: Mapping[str, Array]
 
 
 def _track(profile: xr.Dataset) -> _Track:
@@ -179,7 +191,13 @@ def _track(profile: xr.Dataset) -> _Track:
         for name in profile.data_vars
         if str(name).startswith("standard_deviation")
     }
-    return _Track(spacing, grid, resample(distance, known_elevation(profile), grid), deviations)
+    sides = {
+        f"{rail} rail": resample(distance, known_elevation(of_rail(profile, rail)), grid)
+        for rail in rails_of(profile)
+        if rail in {Rail.LEFT, Rail.RIGHT}
+    }
+    known = resample(distance, known_elevation(profile), grid)
+    return _Track(spacing, grid, known, deviations, sides)
 
 
 def _elevation_panel(track: _Track) -> Panel:
@@ -200,8 +218,11 @@ def _band_panel(track: _Track, band: Band) -> Panel | None:
         stated = track.deviations[key][np.isfinite(filtered)]
         about += f", stated standard deviation {_MILLI * _rms(stated):.2g} mm"
     name = f"{band.name}, {band.shortest:g} to {band.longest:g} m"
-    lines = (_elevation_line(track, filtered),)
-    return Panel(name, about, "mm", lines, _interval(track, filtered, key))
+    lines = [_elevation_line(track, filtered)]
+    for order, (side, elevation) in enumerate(track.sides.items(), start=1):
+        apart = band_pass_pieces(elevation, track.spacing, band)
+        lines.append(line_of(side, track.distance, _MILLI * apart, order))
+    return Panel(name, about, "mm", tuple(lines), _interval(track, filtered, key))
 
 
 def _elevation_line(track: _Track, elevation: Array) -> Line:
@@ -226,7 +247,7 @@ def channel_panels(
     valid = True if channel.valid is None else channel.valid
     measured = factor * np.where(valid, channel.values, np.nan)
     name = channel.quantity.capitalize()
-    about = f"{channel.body}, {_place(channel.position)}"
+    about = f"{channel.body}, {_place(channel.position, channel.lateral)}"
     lines = [line_of(called, where, measured)]
     if model is None:
         return [Panel(name, about, unit, tuple(lines))]
@@ -238,10 +259,13 @@ def channel_panels(
     return [Panel(name, about, unit, tuple(lines)), residual]
 
 
-def _place(position: float) -> str:
+def _place(position: float, lateral: float) -> str:
+    """Such as ``1 m to the left, 2 m ahead of its centre``."""
+    aside = f"{abs(lateral):g} m to the {'left' if lateral > 0 else 'right'}"
     if position == 0:
-        return "at its centre"
-    return f"{abs(position):g} m {'ahead of' if position > 0 else 'behind'} its centre"
+        return aside if lateral else "at its centre"
+    along = f"{abs(position):g} m {'ahead of' if position > 0 else 'behind'} its centre"
+    return f"{aside}, {along}" if lateral else along
 
 
 def _sample_distance(recording: xr.Dataset, given: ArrayLike | None) -> Array:

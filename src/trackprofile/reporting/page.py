@@ -20,6 +20,8 @@ from trackprofile.reporting.written import Report, differences, method
 MOST_ROWS = 2000
 """Defects in the page's table, the gravest; all are in the tables that `assess` writes."""
 
+ASSESSED = "the tables of trackprofile assess"
+
 _DIGITS = {"_mm": 3, "_m": 1, "kilometre": 3}  # after the point, by how a column's name ends
 _GRAVE = ("calls for immediate", "call for immediate", "This obliges to")
 
@@ -47,13 +49,17 @@ def html(report: Report) -> str:
     body = "\n".join(part for part in parts if part)
     # "<" in a string would end the element.
     drawn = drawn.replace("<", "\\u003c")
+    script = f'<script type="application/json" id="data">{drawn}</script>\n<script>{_own("strips.js")}</script>\n'
+    return document(report.title, f"{body}\n{script}")
+
+
+def document(title: str, body: str) -> str:
+    """A page that needs no network, around what stands in it."""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<link rel="icon" href="data:,"><title>{title}</title><style>{_own("report.css")}</style></head>\n'
-        f"<body>{body}\n"
-        f'<script type="application/json" id="data">{drawn}</script>\n<script>{_own("strips.js")}</script>\n'
-        "</body></html>\n"
+        f'<link rel="icon" href="data:,"><title>{escape(title)}</title><style>{_own("report.css")}</style></head>\n'
+        f"<body>{body}</body></html>\n"
     )
 
 
@@ -130,7 +136,7 @@ def _defects(report: Report) -> str:
     return (
         f'<h2>Isolated defects</h2><p><label>Show <select id="choice">{options}</select></label> '
         "P is the probability that the true level exceeds the limit.</p>"
-        f"{_table([*heads, 'calls for'], rows, 'defects')}{_more(len(ordered))}"
+        f"{_table([*heads, 'calls for'], rows, 'defects')}{_more(len(ordered), ASSESSED)}"
     )
 
 
@@ -161,7 +167,7 @@ def _sections(report: Report) -> str:
             "quality_class", "assessed_share",
         )
     }  # fmt: skip
-    return f"<h2>Sections</h2>{_plain(kept, 'sections')}"
+    return f"<h2>Sections</h2>{plain(kept, 'sections')}"
 
 
 def _spectrum(report: Report) -> str:
@@ -171,7 +177,7 @@ def _spectrum(report: Report) -> str:
     table = tables(found, report.way)["spectra"]
     near = (
         "<p>The nearest of the known spectra, per kilometre; the difference is the root mean square over third "
-        f"octaves.</p>{_plain(table, 'spectra')}"
+        f"octaves.</p>{plain(table, 'spectra')}"
         if table["start_m"]
         else ""
     )
@@ -184,7 +190,7 @@ def _changes(report: Report) -> str:
     said = "".join(f"<li>{escape(one)}</li>" for one in changes_summary(report.changes, report.way))
     notes = "".join(f"<li>{escape(one)}.</li>" for one in report.changes.notes)
     table = change_table(report.changes, report.way)
-    shown = _plain(table, "changes") if table["peak_m"] else ""
+    shown = plain(table, "changes") if table["peak_m"] else ""
     return f'<h2>Change since earlier passes</h2><ul class="first">{said}{notes}</ul>{shown}'
 
 
@@ -199,7 +205,7 @@ def _quality(report: Report) -> str:
     made = tables(report.assessment, report.way)["not_assessed"]
     if not made["band"]:
         return "<h2>Not judged</h2><p>Nothing: all of the profile is.</p>"
-    return f"<h2>Not judged, and why</h2>{_plain(made, 'not-assessed')}"
+    return f"<h2>Not judged, and why</h2>{plain(made, 'not-assessed')}"
 
 
 def _method(report: Report) -> str:
@@ -210,21 +216,22 @@ def _method(report: Report) -> str:
     return f'<h2>Method, limits, versions</h2><div class="wide"><table><tbody>{rows}</tbody></table></div>'
 
 
-def _plain(table: Table, key: str) -> str:
+def plain(table: Table, key: str, elsewhere: str = ASSESSED) -> str:
+    """A table as it is; ``elsewhere`` holds the rows beyond `MOST_ROWS`."""
     heads = [name.replace("_", " ") for name in table]
     columns = list(table.values())
     rows = "".join(
         "<tr>" + "".join(_cell(name, column[i]) for name, column in table.items()) + "</tr>"
         for i in range(min(len(columns[0]), MOST_ROWS))
     )
-    return _table(heads, rows, key) + _more(len(columns[0]))
+    return _table(heads, rows, key) + _more(len(columns[0]), elsewhere)
 
 
-def _more(rows: int) -> str:
+def _more(rows: int, elsewhere: str) -> str:
     rest = rows - MOST_ROWS
     if rest <= 0:
         return ""
-    return f"<p>{rest} more rows are in the tables of <code>trackprofile assess</code>.</p>"
+    return f"<p>{rest} more rows are in {escape(elsewhere)}.</p>"
 
 
 def _table(heads: Sequence[str], rows: str, key: str) -> str:

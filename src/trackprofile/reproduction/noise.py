@@ -137,8 +137,8 @@ def noisy_profiles() -> tuple[Section, dict[str, float]]:
         "reports; it hides less on good track, where the profile is small beside it.",
         "The smoother runs on signals of the fine simulation with the same noise. Its error does not grow. On "
         "rough track that of the reduced track adds to it. Level, slope and curvature, which it is not told, are taken "
-        "off. The limit is that of white "
-        "noise and of bands with sharp ends; flicker, and the waves that the filters let through, come on top.",
+        "off. The limit is that of white noise and flicker, and of bands with sharp ends; waves that the filters let "
+        "through come on top.",
         "D1 is taken from 25 m to 175 m and D2 from 70 m to 130 m, where the filters do not feel the ends.",
     )
     heads = (

@@ -99,7 +99,7 @@ def without_parabola(place: Array, error: Array) -> Array:
 
 
 def limits(case: Case, prior: Spectrum, instruments: Sequence[Instrument] = ()) -> dict[str, float]:
-    """The least possible error in D1 and D2, mm, white noise alone."""
+    """The least possible error in D1 and D2, mm, with what noise the sensors state."""
     sensors = tuple(one.sensor for one in instruments) or case.sensors
     found = limit(case.vehicle, case.track, sensors, case.speed, prior, BANDS[:2])
     return {band: 1e3 * value for band, value in found.items()}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackprofile.errors import DataError, ModelError
 from trackprofile.integrate import Scheme
 from trackprofile.irregularity import Irregularity
-from trackprofile.sensor import PITCH_RATE, Sensor
+from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.simulation.drive import Drive, Followed
 from trackprofile.simulation.layered import MARGIN, LayeredRun
 from trackprofile.simulation.mechanics import check_step, mechanics
@@ -156,6 +156,8 @@ class SetIn:
 def felt(simulation: Simulation, vehicle: Vehicle, sensor: Sensor) -> Array:
     """What a sensor with that gain and tilt, otherwise exact, would read at that place, (n,), m/s² or rad/s.
 
+    Both rails are alike here, so that nothing rolls, and it is the same left and right.
+
     Raises
     ------
     ModelError
@@ -168,6 +170,8 @@ def felt(simulation: Simulation, vehicle: Vehicle, sensor: Sensor) -> Array:
             f"sensor {sensor.name!r} measures the {wanted[1]} of {sensor.body!r}, which {vehicle.name!r} does not "
             f"have; its parts are {', '.join(parts)}"
         )
+    if sensor.quantity == ROLL_RATE:
+        return np.zeros(len(simulation.time))
     if sensor.quantity == PITCH_RATE:
         return sensor.gain * simulation.velocity[:, simulation.freedoms.index(wanted)]
     if sensor.body in [wheel.name for wheel in vehicle.wheels]:

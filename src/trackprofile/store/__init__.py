@@ -27,6 +27,7 @@ from trackprofile.store.layout import Place as Place
 from trackprofile.store.reading import defects as defects
 from trackprofile.store.reading import read_columns as read_columns
 from trackprofile.store.reading import read_profile as read_profile
+from trackprofile.store.reading import rows_of as rows_of
 from trackprofile.store.reading import sections as sections
 from trackprofile.store.reading import table as table
 from trackprofile.store.room import Store as Store

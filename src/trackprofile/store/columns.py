@@ -4,13 +4,13 @@ What is kept, and how exactly:
 
 =============================  ======================================================================
 ``distance_m``                 to the bit
-``elevation_m``                to the nearest 2⁻²³ m (0.12 µm): 6e-8 m at most beside it
+``elevation..._m``             to the nearest 2⁻²³ m (0.12 µm): 6e-8 m at most beside it
 ``level_<band>_m``             the same; null where the band is not carried
-``standard_deviation..._m``    to 13 significant binary digits: 1.2e-4 of it at most beside it
-``quality``                    to the bit
+``standard_deviation..._m``    to 11 significant binary digits: 0.05 % of it at most beside it
+``quality`` and other flags    to the bit
 =============================  ======================================================================
 
-The digits that are left out are noise of what a sensor can tell, and are two thirds of what would have to be stored.
+The digits that are left out tell nothing that a sensor can, and are four fifths of what would have to be stored.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from trackprofile.assessment.levels import BandLevel
 from trackprofile.bands import resample
+from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ ROWS = 8192
 ATTRIBUTES = b"trackprofile"
 """Under which a profile's attributes stand in the file's metadata, as JSON."""
 
-LEVEL, SPREAD = "level_", "standard_deviation"
+ELEVATION, LEVEL, SPREAD = "elevation", "level_", "standard_deviation"
 
 _EFFORT = 6  # of zstd: 5 % smaller than at its usual 3; beyond it hardly more
 _DROPPED = np.uint32(13)  # of the 23 binary digits after the first of a float32
@@ -48,17 +49,26 @@ _DROPPED = np.uint32(13)  # of the 23 binary digits after the first of a float32
 def profile_columns(
     profile: xr.Dataset, levels: Mapping[str, BandLevel]
 ) -> dict[str, NDArray[Any]]:
-    """All columns of a profile, rounded to what is kept."""
+    """All columns of a profile, rounded to what is kept.
+
+    Raises
+    ------
+    DataError : it has a variable that is neither in metres nor flags.
+    """
     distance = profile["distance"].to_numpy().astype(np.float64)
-    columns: dict[str, NDArray[Any]] = {
-        "distance_m": distance,
-        "elevation_m": _rounded(profile["elevation"].to_numpy()),
-    }
-    for name in sorted(str(name) for name in profile if str(name).startswith(SPREAD)):
-        columns[f"{name}_m"] = _shortened(profile[name].to_numpy())
+    columns: dict[str, NDArray[Any]] = {"distance_m": distance}
+    for name, variable in profile.data_vars.items():
+        values = variable.to_numpy()
+        if values.dtype.kind in "iu" and variable.dims == ("distance",):
+            columns[str(name)] = values.astype(np.int16)
+        elif variable.attrs.get("units") == "m" and variable.dims == ("distance",):
+            columns[f"{name}_m"] = _shortened(values) if SPREAD in str(name) else _rounded(values)
+        else:
+            raise DataError(
+                f"{name}: a store keeps what is in metres along a profile, and flags; drop the variable."
+            )
     for name, level in sorted(levels.items()):
         columns[f"{LEVEL}{name}_m"] = _rounded(_at(level, distance)).astype(np.float32)
-    columns["quality"] = profile["quality"].to_numpy().astype(np.int16)
     return columns
 
 
@@ -95,11 +105,24 @@ def written(table: pa.Table) -> bytes:
 
 
 def attributes_of(profile: xr.Dataset) -> dict[str, Any]:
-    """A profile's attributes as JSON can hold them."""
-    return {
+    """A profile's attributes as JSON can hold them.
+
+    Raises
+    ------
+    DataError : one of them is neither text nor numbers.
+    """
+    plain = {
         str(name): value.tolist() if isinstance(value, np.ndarray | np.generic) else value
         for name, value in profile.attrs.items()
     }
+    for name, value in plain.items():
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError) as error:
+            raise DataError(
+                f"Attribute {name!r}: expected text or numbers, got {value!r}; drop it."
+            ) from error
+    return plain
 
 
 def _at(level: BandLevel, distance: Array) -> Array:
@@ -118,7 +141,7 @@ def _rounded(values: NDArray[Any]) -> Array:
 
 
 def _shortened(values: NDArray[Any]) -> NDArray[np.float32]:
-    """To 13 significant binary digits."""
+    """To 11 significant binary digits."""
     bits = values.astype(np.float32).view(np.uint32)
     half, low = np.uint32(1) << (_DROPPED - np.uint32(1)), (np.uint32(1) << _DROPPED) - np.uint32(1)
     near = ((bits + half) & ~low).view(np.float32)

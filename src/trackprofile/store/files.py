@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC
 from pathlib import Path, PurePosixPath
@@ -57,12 +58,12 @@ class LocalFiles:
 
     def listing(self, folder: str) -> Iterator[Found]:
         """All files below a folder, hidden ones too; none where there is no such folder."""
+        place = os.path.join(self.root, folder)
         try:
-            entries = sorted(os.scandir(os.path.join(self.root, folder)), key=lambda one: one.name)
+            with _told(place):
+                entries = sorted(os.scandir(place), key=lambda one: one.name)
         except (FileNotFoundError, NotADirectoryError):
             return
-        except OSError as error:
-            raise _unreadable(f"{self.root}/{folder}", error) from error
         for one in entries:
             path = f"{folder}/{one.name}" if folder else one.name
             if one.is_dir(follow_symlinks=False):
@@ -76,22 +77,18 @@ class LocalFiles:
 
     def read(self, path: str) -> bytes:
         """Its content; FileNotFoundError where there is none."""
-        with self.open(path) as file:
-            return file.read()
+        with _told(f"{self.root}/{path}"):
+            return Path(self.root, path).read_bytes()
 
     def open(self, path: str) -> IO[bytes]:
-        """To read from, anywhere in it."""
-        try:
+        """To read from, anywhere in it; FileNotFoundError where there is none."""
+        with _told(f"{self.root}/{path}"):
             return Path(self.root, path).open("rb")
-        except FileNotFoundError:
-            raise
-        except OSError as error:
-            raise _unreadable(f"{self.root}/{path}", error) from error
 
     def put(self, path: str, content: bytes) -> None:
         """Write a file, in the place of one of the same name if there is one."""
         target = Path(self.root, path)
-        for _ in range(_TRIES):
+        for left in reversed(range(_TRIES)):
             try:
                 target.parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
@@ -102,11 +99,11 @@ class LocalFiles:
                     file.write(content)
                     file.flush()
                     os.fsync(file.fileno())
-                break
+                _sync_folder(target.parent)
+                return
             except FileError:
-                if target.parent.is_dir():
+                if target.parent.is_dir() or not left:
                     raise
-        _sync_folder(target.parent)
 
     def remove(self, path: str) -> None:
         """Remove a file, if it is there."""
@@ -131,7 +128,8 @@ class RemoteFiles:
     def listing(self, folder: str) -> Iterator[Found]:
         """All files below a folder; none where there is no such folder."""
         self.system.invalidate_cache()
-        found = self.system.find(self._whole(folder), detail=True)
+        with _told(self._whole(folder)):
+            found = self.system.find(self._whole(folder), detail=True)
         for path, about in sorted(found.items()):
             modified = next((about[key] for key in _MODIFIED if about.get(key) is not None), None)
             yield Found(
@@ -143,11 +141,13 @@ class RemoteFiles:
 
     def read(self, path: str) -> bytes:
         """Its content; FileNotFoundError where there is none."""
-        return self.system.cat_file(self._whole(path))
+        with _told(self._whole(path)):
+            return self.system.cat_file(self._whole(path))
 
     def open(self, path: str) -> IO[bytes]:
-        """To read from, anywhere in it."""
-        return self.system.open(self._whole(path), "rb")
+        """To read from, anywhere in it; FileNotFoundError where there is none."""
+        with _told(self._whole(path)):
+            return self.system.open(self._whole(path), "rb")
 
     def put(self, path: str, content: bytes) -> None:
         """Write a file, in the place of one of the same name if there is one."""
@@ -199,8 +199,15 @@ def files_at(url: str) -> Files:
     return RemoteFiles(system, str(root).rstrip("/"))
 
 
-def _unreadable(path: str, error: OSError) -> FileError:
-    return FileError(f"{path}: cannot be read ({error.strerror or error}).")
+@contextmanager
+def _told(path: str) -> Iterator[None]:
+    """What cannot be read though it is there is told as ours."""
+    try:
+        yield
+    except (FileNotFoundError, NotADirectoryError):
+        raise
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read ({error.strerror or error}).") from error
 
 
 def _sync_folder(folder: Path) -> None:

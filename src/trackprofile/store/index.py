@@ -7,7 +7,7 @@ there is passed over, and entries that it does not know are read from their own 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from datetime import date
 from functools import lru_cache
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from trackprofile.store.room import Store
 _KEPT = 50_000  # rows in memory, of some 3 kB
 
 
-class Row(NamedTuple):
+class Listed(NamedTuple):
     """What is asked for of an entry, and the whole of it as its file has it."""
 
     path: str
@@ -63,7 +63,7 @@ _SCHEMA = pa.schema(
 
 
 def entry_table(store: Store, folder: str = ENTRIES) -> pa.Table:
-    """All entries below a folder, a `Row` each.
+    """All entries below a folder, a `Listed` each.
 
     Raises
     ------
@@ -72,25 +72,19 @@ def entry_table(store: Store, folder: str = ENTRIES) -> pa.Table:
     there = {one.path: one for one in store.files.listing(folder) if ENTRY_PATH.fullmatch(one.path)}
     known = _known(store, there)
     paths = set(known["path"].to_pylist())
-    fresh = [
-        _read(store.files, one.path, one.size, one.stamp)
-        for path, one in there.items()
-        if path not in paths
-    ]
+    fresh = _rows(store, [one for path, one in there.items() if path not in paths])
     return pa.concat_tables([known, _table(fresh)])
 
 
-def rows_below(store: Store, folder: str) -> tuple[Row, ...]:
+def rows_below(store: Store, folder: str) -> tuple[Listed, ...]:
     """All entries below a folder, each from its own file.
 
     Raises
     ------
     FileError : an entry is damaged.
     """
-    return tuple(
-        _read(store.files, one.path, one.size, one.stamp)
-        for one in store.files.listing(folder)
-        if ENTRY_PATH.fullmatch(one.path)
+    return _rows(
+        store, [one for one in store.files.listing(folder) if ENTRY_PATH.fullmatch(one.path)]
     )
 
 
@@ -152,20 +146,30 @@ def _known(store: Store, there: dict[str, Found]) -> pa.Table:
     return _SCHEMA.empty_table()
 
 
+def _rows(store: Store, found: Iterable[Found]) -> tuple[Listed, ...]:
+    rows = []
+    for one in found:
+        try:
+            rows.append(_read(store.files, one.path, one.size, one.stamp))
+        except FileNotFoundError:  # removed since
+            continue
+    return tuple(rows)
+
+
 @lru_cache(4)
 def _index(files: Files, path: str) -> pa.Table:
     return indexed(files.read(path), path)
 
 
 @lru_cache(_KEPT)
-def _read(files: Files, path: str, size: int, stamp: str) -> Row:
+def _read(files: Files, path: str, size: int, stamp: str) -> Listed:
     """What an entry's file says, read once for as long as it is not replaced."""
     content = files.read(path)
     return _row(parsed(content, path), content)
 
 
-def _row(entry: Entry, content: bytes) -> Row:
-    return Row(
+def _row(entry: Entry, content: bytes) -> Listed:
+    return Listed(
         path=entry.path(ENTRIES),
         size=len(content),
         entry=entry.id,
@@ -182,7 +186,7 @@ def _row(entry: Entry, content: bytes) -> Row:
     )
 
 
-def _table(rows: Collection[Row]) -> pa.Table:
+def _table(rows: Collection[Listed]) -> pa.Table:
     columns = list(zip(*rows, strict=True)) or [()] * len(_SCHEMA)
     arrays = [pa.array(one, field.type) for one, field in zip(columns, _SCHEMA, strict=True)]
     return pa.table(arrays, schema=_SCHEMA)

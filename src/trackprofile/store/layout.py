@@ -54,7 +54,7 @@ class Place:
 
     Raises
     ------
-    DataError : a name is empty or too long.
+    DataError : a name is empty or too long, or the day is none.
 
     Examples
     --------
@@ -76,6 +76,10 @@ class Place:
                     f"The {what}'s name {name[:20]!r}... takes more than {_LONGEST} bytes in a path; shorten it."
                 )
         encoded(self.run, "run")
+        if type(self.day) is not date:  # a datetime is one too
+            raise DataError(
+                f"A pass needs the day it was on, got {self.day!r}; its time is its run."
+            )
 
     def folder(self, table: str) -> str:
         """Of a table's files of this place and day."""

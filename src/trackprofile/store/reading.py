@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -14,8 +15,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.contracts import build_profile, with_provenance
-from trackprofile.errors import DataError, FileError
-from trackprofile.store.columns import ATTRIBUTES, SPREAD
+from trackprofile.errors import DataError, FileError, TrackprofileError
+from trackprofile.store.columns import ATTRIBUTES, LEVEL, SPREAD
 from trackprofile.store.entry import Entry
 from trackprofile.store.layout import PROFILES, TABLES
 from trackprofile.store.room import Store
@@ -62,27 +63,13 @@ def read_profile(
     """
     low = -np.inf if start is None else start
     high = np.inf if end is None else end
-    columns, about = _rows(store, entry, None, low, high, PROFILES, ())
+    columns, attributes = _rows(store, entry, None, low, high, PROFILES, ())
     if columns["distance_m"].size < 2:
         raise DataError(
             f"Between {low:g} m and {high:g} m there are {columns['distance_m'].size} points of a pass from "
             f"{entry.start:g} m to {entry.end:g} m; choose a stretch inside it."
         )
-    attributes = about["attributes"]
-    bands = [
-        name.removeprefix(f"{SPREAD}_").removesuffix("_m")
-        for name in columns
-        if name.startswith(f"{SPREAD}_") and name != f"{SPREAD}_m"
-    ]
-    profile = build_profile(
-        columns["distance_m"],
-        columns["elevation_m"],
-        kind=attributes["kind"],
-        standard_deviation=columns.get(f"{SPREAD}_m"),
-        band_standard_deviations={band: columns[f"{SPREAD}_{band}_m"] for band in bands},
-        quality=columns["quality"],
-        loading=attributes["loading"],
-    ).assign_attrs(attributes)
+    profile = _dataset(columns, attributes)
     if start is None and end is None:
         return profile
     return with_provenance(profile, f"between {low:g} m and {high:g} m")
@@ -110,20 +97,38 @@ def table(
     ------
     FileError : a file is missing or damaged.
     """
-    if name not in TABLES:
-        raise DataError(f"There is no table {name!r}; choose one of {', '.join(TABLES)}.")
-    parts = []
-    for entry in entries:
-        with _opened(store, entry.path(name)) as file:
-            part = file.read()
-        if start is not None:
-            part = part.filter(pa.array(part["end_m"].to_numpy() >= start))
-        if end is not None:
-            part = part.filter(pa.array(part["start_m"].to_numpy() <= end))
-        parts.append(part)
+    parts = [rows_of(store, entry, name, start, end) for entry in entries]
     if not parts:
         return {}
     return pa.concat_tables(parts, promote_options="default").to_pydict()
+
+
+def rows_of(
+    store: Store,
+    entry: Entry,
+    name: str,
+    start: float | None = None,
+    end: float | None = None,
+    columns: Sequence[str] | None = None,
+) -> pa.Table:
+    """The same of one pass as an Arrow table; of some columns only, where they are named.
+
+    Raises
+    ------
+    DataError : there is no such table.
+    FileError : the file is missing or damaged.
+    """
+    if name not in TABLES:
+        raise DataError(f"There is no table {name!r}; choose one of {', '.join(TABLES)}.")
+    wanted = None if columns is None else [*dict.fromkeys((*columns, "start_m", "end_m"))]
+    with _opened(store, entry.path(name)) as file:
+        there = file.schema_arrow.names
+        rows = file.read(None if wanted is None else [one for one in wanted if one in there])
+        if start is not None:
+            rows = rows.filter(pa.array(rows["end_m"].to_numpy() >= start))
+        if end is not None:
+            rows = rows.filter(pa.array(rows["start_m"].to_numpy() <= end))
+    return rows
 
 
 def defects(
@@ -146,9 +151,11 @@ def _opened(store: Store, path: str) -> Iterator[parquet.ParquetFile]:
     try:
         with store.files.open(path) as file:
             yield parquet.ParquetFile(file, page_checksum_verification=True)
+    except TrackprofileError:
+        raise
     except FileNotFoundError as error:
         raise FileError(f"{store.url}: {path} is missing; {_REMEDY}.") from error
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise FileError(f"{store.url}: {path} is damaged; {_REMEDY}.") from error
 
 
@@ -171,20 +178,48 @@ def _rows(
         if table == PROFILES and file.metadata.num_rows != entry.points:
             raise FileError(f"{store.url}: {entry.path(table)} is of another pass; {_REMEDY}.")
         if names is None:
-            names = [name for name in there if not name.startswith("level_")]
+            names = [name for name in there if not name.startswith(LEVEL)]
         names = list(dict.fromkeys(("distance_m", *names)))
         lacking = [name for name in names if name not in there and name not in optional]
         if lacking:
             raise DataError(f"The pass {entry.id} has no {lacking[0]}; it has {', '.join(there)}.")
         names = [name for name in names if name in there]
         found = file.read_row_groups(_groups(file, start, end), columns=names)
-        about = json.loads((file.schema_arrow.metadata or {}).get(ATTRIBUTES, b"{}"))
+        about = json.loads(file.schema_arrow.metadata[ATTRIBUTES])
+        attributes = about["attributes"] if table == PROFILES else {}
     columns = {name: found[name].to_numpy() for name in names}
     distance = columns["distance_m"]
     inside = slice(
         np.searchsorted(distance, start, "left"), np.searchsorted(distance, end, "right")
     )
-    return {name: values[inside] for name, values in columns.items()}, about
+    return {name: values[inside] for name, values in columns.items()}, attributes
+
+
+def _dataset(columns: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> xr.Dataset:
+    """The profile contract from its columns: of the mean, and of each rail where they are told apart."""
+    bands = {
+        found[1]: values
+        for name, values in columns.items()
+        if (found := re.fullmatch(f"{SPREAD}_(.+)_m", name))
+    }
+    profile = build_profile(
+        columns["distance_m"],
+        columns["elevation_m"],
+        kind=attributes["kind"],
+        standard_deviation=columns.get(f"{SPREAD}_m"),
+        band_standard_deviations=bands,
+        quality=columns["quality"],
+        loading=attributes["loading"],
+    ).assign_attrs(attributes)
+    flags, metre = profile["quality"].attrs, {"units": "m"}
+    for column, values in columns.items():
+        name = column.removesuffix("_m")
+        if name not in profile.variables:
+            about, values = (
+                (flags, values) if name == column else (metre, values.astype(np.float64))
+            )
+            profile[name] = ("distance", values, about)
+    return profile
 
 
 def _groups(file: parquet.ParquetFile, start: float, end: float) -> list[int]:

@@ -89,5 +89,5 @@ def open_store(url: str) -> Store:
 def _stated(files: Files) -> bytes | None:
     try:
         return files.read(STORE_FILE)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None

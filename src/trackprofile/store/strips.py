@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import Quality
 from trackprofile.errors import DataError
-from trackprofile.store.columns import LEVEL, SPREAD
+from trackprofile.store.columns import ELEVATION, LEVEL, SPREAD
 from trackprofile.store.entry import Entry
 from trackprofile.store.layout import OVERVIEWS, PROFILES
 from trackprofile.store.reading import read_columns
@@ -61,7 +61,7 @@ def strip(store: Store, entry: Entry, column: str, start: float, end: float, wid
 
     Parameters
     ----------
-    column : ``elevation`` or the name of a band
+    column : ``elevation``, of one rail ``elevation_left`` and so on, or the name of a band
     start, end : of the picture [m]; what of it the pass does not reach has no bins
     width : how many bins the whole picture may have
 
@@ -123,20 +123,25 @@ def overview(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     there, groups = np.unique(numbers, return_inverse=True)
     made: dict[str, NDArray[Any]] = {"distance_m": there * BIN}
     for name, values in columns.items():
-        if name.startswith(("elevation", LEVEL)):
+        if values.dtype.kind == "i":
+            made[name] = _binned(np.bitwise_or, values, groups, there.size, Quality.GAP)
+        elif SPREAD in name:
+            made[name] = _binned(np.fmax, values, groups, there.size, np.nan)
+        elif name.startswith((ELEVATION, LEVEL)):
             stem = name.removesuffix("_m")
             made[stem + _LOW] = _binned(np.fmin, values, groups, there.size, np.nan)
             made[stem + _HIGH] = _binned(np.fmax, values, groups, there.size, np.nan)
-        elif name.startswith(SPREAD):
-            made[name] = _binned(np.fmax, values, groups, there.size, np.nan)
-    made["quality"] = _binned(np.bitwise_or, columns["quality"], groups, there.size, Quality.GAP)
     return made
 
 
 def _names(table: str, column: str) -> tuple[str, str, str]:
     """Of the columns that hold least, greatest and standard deviation."""
-    stem = column if column == "elevation" else LEVEL + column
-    spread = f"{SPREAD}_m" if column == "elevation" else f"{SPREAD}_{column}_m"
+    if column == ELEVATION:
+        stem, spread = ELEVATION, f"{SPREAD}_m"
+    elif column.startswith(f"{ELEVATION}_"):  # of one rail
+        stem, spread = column, f"{column}_{SPREAD}_m"
+    else:
+        stem, spread = LEVEL + column, f"{SPREAD}_{column}_m"
     if table == PROFILES:
         return f"{stem}_m", f"{stem}_m", spread
     return stem + _LOW, stem + _HIGH, spread

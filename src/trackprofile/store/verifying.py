@@ -84,8 +84,14 @@ def _damaged(store: Store, entry: Entry, found: dict[str, Found]) -> Iterator[Pr
         size = found[path].size
         if size != stored.size:
             yield Problem(path, f"half-written or replaced: {size} B of {stored.size} B; {again}")
-        elif sealed(store.files.read(path)) != stored:
-            yield Problem(path, f"its bytes were changed; {again}")
+            continue
+        try:
+            if sealed(store.files.read(path)) != stored:
+                yield Problem(path, f"its bytes were changed; {again}")
+        except FileNotFoundError:
+            yield Problem(path, f"the file was removed since; {again}")
+        except FileError as error:
+            yield Problem(path, str(error))
 
 
 def _untrue(store: Store, found: dict[str, Found], entries: list[Entry]) -> Iterator[Problem]:

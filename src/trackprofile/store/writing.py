@@ -25,10 +25,10 @@ from trackprofile.store.assessed import table_bytes
 from trackprofile.store.catalogue import entries_of_day, newest
 from trackprofile.store.columns import attributes_of, parquet_bytes, profile_columns
 from trackprofile.store.entry import Entry, Origin, document, entry_id, parsed, sealed
+from trackprofile.store.index import rows_below
 from trackprofile.store.layout import (
     DATA_PATH,
     ENTRIES,
-    ENTRY_PATH,
     OVERVIEWS,
     PROFILES,
     SCHEMA,
@@ -164,8 +164,9 @@ def tidy(store: Store, older: timedelta = LIVING) -> tuple[str, ...]:
     """
     before = time.time() - older.total_seconds() if older else math.inf
     found = tuple(store.files.listing(""))
-    entries = [one.path for one in found if ENTRY_PATH.fullmatch(one.path)]
-    named = {path for entry in entries for path in parsed(store.files.read(entry), entry).paths}
+    named = {
+        path for row in rows_below(store, ENTRIES) for path in parsed(row.document, row.path).paths
+    }
     left = []
     for one in found:
         unnamed = DATA_PATH.fullmatch(one.path) and one.path not in named

@@ -1,0 +1,69 @@
+"""Two recordings cannot be of one train at one place and time and yet differ: one of them is of something else."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackprofile.contracts import between, fingerprint
+from trackprofile.errors import DataError, TrackprofileError
+from trackprofile.fleet.job import Row, recording_of
+from trackprofile.store import Place
+from trackprofile.store.writing import OVERLAP
+
+
+@dataclass(frozen=True)
+class _Claim:
+    """That a recording of this content is of this stretch [m]."""
+
+    row: Row
+    content: str
+    start: float
+    end: float
+
+
+def check_claims(rows: Sequence[Row]) -> None:
+    """See that no two rows claim the same line, direction, day, run and stretch with different content.
+
+    Only recordings of one place and time are read; one that cannot be read claims nothing, and fails when its turn
+    comes.
+
+    Raises
+    ------
+    DataError : two do.
+    """
+    by_place: dict[Place, list[Row]] = defaultdict(list)
+    for row in rows:
+        by_place[row.place].append(row)
+    for together in by_place.values():
+        claims: list[_Claim] = []
+        for row in together if len(together) > 1 else ():
+            try:
+                claim = _claim(row)
+            except TrackprofileError:
+                continue
+            for other in claims:
+                _check(other, claim)
+            claims.append(claim)
+
+
+def _claim(row: Row) -> _Claim:
+    recording = recording_of(row)
+    run = between(recording, -np.inf, None)["distance"].to_numpy() + row.offset
+    return _Claim(row, fingerprint(recording), float(run[0]), float(run[-1]))
+
+
+def _check(one: _Claim, other: _Claim) -> None:
+    shared = min(one.end, other.end) - max(one.start, other.start)
+    shorter = min(one.end - one.start, other.end - other.start)
+    if one.content == other.content or shared <= min(OVERLAP, shorter / 2):
+        return
+    row = one.row
+    raise DataError(
+        f"Recordings {row.number} ({row.file.name}) and {other.row.number} ({other.row.file.name}) both claim "
+        f"{shared:.0f} m of {row.line}, {row.direction}, {row.day}, run {row.run!r}, and differ; give each pass of a "
+        "day a run of its own, or leave one out."
+    )

@@ -1,0 +1,250 @@
+"""What a worker does with one recording: read, infer, assess, store, unless the store has it.
+
+Only names and numbers go to a worker and come back from it: it reads the recording itself, and writes to the store
+itself. Doing a job twice, at once or one after the other, leaves what doing it once leaves.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from dataclasses import dataclass
+from datetime import date
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trackprofile import __version__
+from trackprofile.errors import FileError, TrackprofileError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trackprofile.limits import Limits
+    from trackprofile.sensor import Installation
+    from trackprofile.spectrum import Spectrum
+    from trackprofile.store import Entry, Origin, Place, Store
+    from trackprofile.track import Track
+    from trackprofile.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Row:
+    """One recording of a manifest, and all that it is to be treated with.
+
+    Parameters
+    ----------
+    number : in its manifest, from 1
+    file : the recording
+    line, direction, day, run : where it belongs; runs tell the passes of one day apart
+    vehicle, track, prior, limits : a preset's name, or an absolute path; a vehicle of None is the recording's own, a
+        prior of None is found from the data
+    speed : of the line [m/s]
+    offset : the line's distance where the recording's is 0 [m]
+    start, end : what is taken of it, by the line's distance [m]; None is open
+    revision : the greatest is the one that a store shows, where it has a recording more than once
+    """
+
+    number: int
+    file: Path
+    line: str
+    direction: str
+    day: date
+    run: str
+    vehicle: str | None
+    track: str
+    prior: str | None
+    limits: str
+    speed: float
+    offset: float
+    start: float | None
+    end: float | None
+    revision: int
+
+    @property
+    def place(self) -> Place:
+        """Where in a store it belongs."""
+        from trackprofile.store import Place
+
+        return Place(self.line, self.direction, self.day, self.run)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One recording to be brought into a store.
+
+    Parameters
+    ----------
+    row : of the manifest
+    store : where it is
+    software : version that the worker must have, so that a night is of one
+    """
+
+    row: Row
+    store: str
+    software: str = __version__
+
+
+class State(Enum):
+    """How a job ended."""
+
+    STORED = "stored"
+    THERE = "there already"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one recording fared.
+
+    Parameters
+    ----------
+    row : of the manifest
+    state, reason : and why, where it failed
+    entry : in the store; None where it failed
+    wall, cpu : that the worker took [s]
+    """
+
+    row: Row
+    state: State
+    reason: str = ""
+    entry: Entry | None = None
+    wall: float = 0.0
+    cpu: float = 0.0
+
+
+@dataclass(frozen=True)
+class Means:
+    """All that a profile and its assessment depend on, but for the recording and this version."""
+
+    vehicle: Vehicle
+    installation: Installation
+    track: Track
+    prior: Spectrum | None
+    limits: Limits
+    speed: float
+    offset: float
+
+    def digest(self) -> str:
+        """Of every number in it."""
+        return hashlib.sha256(repr(self).encode()).hexdigest()
+
+
+def bring(job: Job) -> Outcome:
+    """Bring one recording into the store; what this package refuses is an outcome, all else is raised."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    try:
+        state, entry = _brought(job)
+        reason = ""
+    except TrackprofileError as error:
+        said = " ".join(str(error).split())
+        state, entry, reason = State.FAILED, None, said.removeprefix(f"{job.row.file}: ")
+    return Outcome(
+        job.row, state, reason, entry, time.perf_counter() - wall, time.process_time() - cpu
+    )
+
+
+def _brought(job: Job) -> tuple[State, Entry]:
+    from trackprofile.assessment.assess import assess
+    from trackprofile.contracts import Rail, of_rail
+    from trackprofile.inference.estimate import estimate
+    from trackprofile.io.model_toml import presets, read_roughness
+    from trackprofile.store import add, open_store
+
+    if job.software != __version__:
+        raise FileError(
+            f"The worker has trackprofile {__version__}, this night is of {job.software}; "
+            "give all workers the same version."
+        )
+    row, store = job.row, open_store(job.store)
+    recording = recording_of(row)
+    means = means_of(row, recording)
+    place, origin = row.place, _origin(row, recording, means)
+    entry = _stored(store, place, origin)
+    if entry is not None:
+        return State.THERE, entry
+    found = estimate(
+        recording, means.vehicle, installation=means.installation, track=means.track, prior=means.prior
+    )  # fmt: skip
+    profile = _on_the_line(found.profile, row.offset)
+    spectra = {name: read_roughness(name) for name in presets("spectrum")}
+    assessment = assess(of_rail(profile, Rail.MEAN), means.limits, row.speed, spectra=spectra)
+    return State.STORED, add(store, place, profile, assessment, origin).entry
+
+
+def _stored(store: Store, place: Place, origin: Origin) -> Entry | None:
+    from trackprofile.store import entry_id
+    from trackprofile.store.entry import parsed
+    from trackprofile.store.layout import ENTRIES
+
+    path = place.path(ENTRIES, entry_id(place, origin))
+    try:
+        return parsed(store.files.read(path), path)
+    except FileNotFoundError:
+        return None
+
+
+def recording_of(row: Row) -> xr.Dataset:
+    """What a row takes of its recording."""
+    from trackprofile.contracts import between
+    from trackprofile.io import read
+
+    recording = read(row.file)
+    if recording.attrs["kind_of_data"] != "recording":
+        raise FileError(
+            f"{row.file}: expected a recording, this is a profile; give the right file."
+        )
+    start, end = (None if one is None else one - row.offset for one in (row.start, row.end))
+    return between(recording, start, end)
+
+
+def means_of(row: Row, recording: xr.Dataset) -> Means:
+    """All that a row's profile depends on but for its recording, read."""
+    from trackprofile.io.carrier import carrier
+    from trackprofile.io.limits_toml import read_limits
+    from trackprofile.io.model_toml import read_spectrum, read_track
+
+    return Means(
+        *carrier(recording, row.file, row.vehicle),
+        read_track(row.track),
+        None if row.prior is None else read_spectrum(row.prior),
+        read_limits(row.limits),
+        row.speed,
+        row.offset,
+    )
+
+
+def _origin(row: Row, recording: xr.Dataset, means: Means) -> Origin:
+    from trackprofile.contracts import fingerprint
+    from trackprofile.store import Origin
+
+    return Origin(
+        recording=fingerprint(recording),
+        source=row.file.name,
+        vehicle=means.vehicle.name,
+        method="smoother",
+        track=_word(row.track),
+        prior="" if row.prior is None else _word(row.prior),
+        limits=means.limits.name,
+        speed=row.speed,
+        settings=means.digest(),
+        revision=row.revision,
+    )
+
+
+def _word(name: str) -> str:
+    """A preset's name, or that of the file without its path: another machine's path makes no other version."""
+    return Path(name).name
+
+
+def _on_the_line(profile: xr.Dataset, offset: float) -> xr.Dataset:
+    """A profile by the line's distance in place of the recording's."""
+    from trackprofile.contracts import with_provenance
+
+    if not offset:
+        return profile
+    distance = profile["distance"]
+    moved = profile.assign_coords(
+        distance=("distance", distance.to_numpy() + offset, distance.attrs)
+    )
+    return with_provenance(moved, f"{offset:g} m added to the distance")

@@ -1,0 +1,41 @@
+"""A night as one page that needs no network: what came of it, what failed and why, every recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from trackprofile import __version__
+from trackprofile.fleet.job import Outcome, State
+from trackprofile.fleet.night import Night
+from trackprofile.fleet.tables import recordings, sentences
+from trackprofile.reporting.page import MOST_ROWS, document, plain
+
+ELSEWHERE = "the tables that -o night.csv and --json give"
+
+
+def html(night: Night, manifest: str) -> str:
+    """The page of a night; ``manifest`` is its name."""
+    title = f"Recordings of {manifest}"
+    said = "".join(f"<li>{escape(one)}</li>" for one in sentences(night))
+    shown = {name: column for name, column in recordings(night).items() if name != "reason"}
+    parts = [
+        f'<h1>{escape(title)}</h1><p class="where">Store {escape(night.store)}; trackprofile {__version__}</p>',
+        f'<ul class="first">{said}</ul>',
+        _failed(night.of(State.FAILED)),
+        f"<h2>All recordings</h2>{plain(shown, 'recordings', ELSEWHERE)}",
+    ]
+    return document(title, "\n".join(parts))
+
+
+def _failed(outcomes: Sequence[Outcome]) -> str:
+    if not outcomes:
+        return ""
+    items = "".join(
+        f"<li>{one.row.number}, {escape(one.row.file.name)} ({escape(one.row.line)}, {escape(one.row.run or '–')}): "
+        f"{escape(one.reason)}</li>"
+        for one in outcomes[:MOST_ROWS]
+    )
+    more = len(outcomes) - MOST_ROWS
+    rest = f"<p>{more} more are in {ELSEWHERE}.</p>" if more > 0 else ""
+    return f'<h2>Failed, and why</h2><ul id="failed">{items}</ul>{rest}'

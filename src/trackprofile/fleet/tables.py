@@ -1,0 +1,92 @@
+"""A night's recordings as a table, and in sentences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trackprofile.assessment.tables import Table
+from trackprofile.fleet.job import Outcome, State
+from trackprofile.fleet.night import Night, Standing
+from trackprofile.limits import Action
+
+TABLES = ("recordings",)
+
+_KM = 1e3
+
+
+def recordings(night: Night) -> Table:
+    """A row per recording: what failed first, with its reason, else in the manifest's order."""
+    ordered = sorted(night.outcomes, key=lambda one: one.state is not State.FAILED)
+    rows = [_row(one) for one in ordered]
+    return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+def _row(outcome: Outcome) -> dict[str, Any]:
+    row, entry = outcome.row, outcome.entry
+    said: dict[str, Any] = {
+        "number": row.number,
+        "file": row.file.name,
+        "line": row.line,
+        "direction": row.direction,
+        "day": row.day.isoformat(),
+        "run": row.run,
+        "state": outcome.state.value,
+        "reason": outcome.reason,
+        "entry": None if entry is None else entry.id,
+        "start_m": None if entry is None else entry.start,
+        "end_m": None if entry is None else entry.end,
+        "known_share": None if entry is None else entry.known,
+    }
+    for action in reversed(Action):
+        said[action.name.lower()] = None if entry is None else entry.defects.get(action.words, 0)
+    return said | {"wall_s": outcome.wall, "cpu_s": outcome.cpu}
+
+
+def sentences(night: Night) -> list[str]:
+    """What came of the night, what matters most first."""
+    stored, there, failed = (len(night.of(state)) for state in State)
+    said = [f"{_counted(stored)} stored, {there} there already, {failed} failed."]
+    entries = [one.entry for one in night.of(State.STORED) if one.entry is not None]
+    for action in reversed(Action):
+        places = sum(entry.defects.get(action.words, 0) for entry in entries)
+        if places:
+            said.append(f"{places} places in the new passes call for {action.words}.")
+    if entries:
+        said.append(
+            f"{night.length / _KM:.4g} km of profiles in {duration(night.wall)} on {night.workers} workers: "
+            f"{1e3 * night.cpu / night.length:.3g} ms of computing per metre."
+        )
+    return said
+
+
+def standing(now: Standing) -> str:
+    """How far a night is.
+
+    Examples
+    --------
+    >>> standing(Standing(ended=37, failed=2, total=100, workers=2, remaining=840.0))
+    '37 of 100 recordings, 2 failed; 2 workers, 14 min to go.'
+    >>> standing(Standing(0, 0, 100, 0, None))
+    '0 of 100 recordings; waiting for workers.'
+    """
+    failed = f", {now.failed} failed" if now.failed else ""
+    to_go = "" if now.remaining is None else f", {duration(now.remaining)} to go"
+    there = f"{now.workers} workers{to_go}" if now.workers else "waiting for workers"
+    return f"{now.ended} of {now.total} recordings{failed}; {there}."
+
+
+def duration(seconds: float) -> str:
+    """A time in words.
+
+    Examples
+    --------
+    >>> duration(42), duration(600), duration(9000)
+    ('42 s', '10 min', '2.5 h')
+    """
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def _counted(recordings: int) -> str:
+    return "1 recording" if recordings == 1 else f"{recordings} recordings"

@@ -1,0 +1,55 @@
+"""Which end of a vehicle leads: as the recording says, or as the order in which its sensors feel the track."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import xarray as xr
+
+from trackprofile.contracts.recording import LAST, leading_end
+from trackprofile.errors import DataError
+from trackprofile.inference.measured import Measured
+from trackprofile.inference.rails import ByRail, by_rail
+from trackprofile.inference.wiring import rewired, turned_sensors
+from trackprofile.sensor import Installation
+from trackprofile.track import PointTrack
+from trackprofile.vehicle import Vehicle, turned_round
+
+
+def facing(
+    data: Measured, recording: xr.Dataset, vehicle: Vehicle, track: PointTrack, installation: Installation
+) -> tuple[ByRail, Vehicle]:  # fmt: skip
+    """What was measured, taken apart, with what was exchanged put right, and the vehicle with the end first that leads.
+
+    Raises
+    ------
+    DataError
+        See :func:`trackprofile.inference.wiring.rewired` and `trackprofile.inference.rails.by_rail`.
+    """
+
+    def ahead(turned: bool) -> Vehicle:
+        return turned_round(vehicle) if turned else vehicle
+
+    if leading_end(recording) == LAST:
+        data = turned_sensors(data)
+    sides = by_rail(data, ahead(data.turned), track, installation)
+    mean = rewired(sides.mean, ahead(data.turned), track)
+    if mean.turned != data.turned:
+        # What stood to the left stands to the right.
+        sides = by_rail(turned_sensors(data), ahead(mean.turned), track, installation)
+    return replace(sides, mean=mean), ahead(mean.turned)
+
+
+def expect_as_described(recording: xr.Dataset, verb: str) -> None:
+    """Refuse a recording whose vehicle ran the other way round.
+
+    Raises
+    ------
+    DataError
+        The verb knows the vehicle only as it is described.
+    """
+    if leading_end(recording) == LAST:
+        raise DataError(
+            f"The last wheel of the vehicle leads (leading_end), which {verb} does not know; expected the first: take "
+            "a recording of the other direction."
+        )

@@ -1,0 +1,545 @@
+"""What the server answers, against the same worked out from what is stored, the long way."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import date, timedelta
+from typing import get_args
+
+import httpx
+import numpy as np
+import pytest
+
+pytest.importorskip("fastapi")
+
+from dated_passes import (
+    BRANCH,
+    DOWN,
+    EN,
+    FIRST,
+    LENGTH,
+    MAIN,
+    SETTLES,
+    SPEED,
+    START,
+    UP,
+    dip,
+    put,
+    seen,
+)
+from serving import serving
+from trackprofile.bands import BANDS, band_pass
+from trackprofile.limits import Action
+from trackprofile.server import catalogue, places, questions
+from trackprofile.store import Store, create, find, lines, read_columns, table
+from trackprofile.store.layout import Place
+
+DAYS = [FIRST + timedelta(days=30 * month) for month in range(4)]
+GRAVITY = {"": 0, "alert": 1, "intervention": 2, "immediate action": 3}
+LAST = {"line": MAIN, "direction": UP, "day": str(DAYS[-1])}
+
+
+@pytest.fixture(scope="module")
+def client(dated_store: Store) -> Iterator[httpx.Client]:
+    with serving(dated_store) as found:
+        yield found
+
+
+def asked(client: httpx.Client, what: str, **params) -> dict:
+    answer = client.get(
+        f"/api/{what}", params={key.rstrip("_"): one for key, one in params.items()}
+    )
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def entry_of(store: Store, day: date, line: str = MAIN, number: int = 0):
+    return find(store, line=line, first=day, last=day)[number]
+
+
+def known(values: list) -> np.ndarray:
+    return np.array([np.nan if one is None else one for one in values])
+
+
+# --- lists --------------------------------------------------------------------------------------
+
+
+def test_lines_are_those_of_the_store(client: httpx.Client, dated_store: Store) -> None:
+    found = asked(client, "lines")
+    assert [(one["line"], one["direction"], one["passes"]) for one in found["lines"]] == [
+        (one.line, one.direction, one.passes) for one in lines(dated_store)
+    ]
+    assert found["lines"][1]["start_m"] == START
+    assert [one["name"] for one in found["bands"]] == [one.name for one in BANDS]
+    assert found["locked"] is False
+    days = asked(client, "days", line=MAIN, direction=UP)["days"]
+    assert days == [str(day) for day in DAYS]
+
+
+def test_passes_state_what_their_entries_do(client: httpx.Client, dated_store: Store) -> None:
+    found = asked(client, "passes", line=MAIN, direction=UP)["passes"]
+    entries = find(dated_store, line=MAIN)
+    assert [one["entry"] for one in found] == [one.id for one in entries]
+    for one, entry in zip(found, entries, strict=True):
+        assert (one["day"], one["run"], one["limits"]) == (str(entry.day), entry.run, EN.name)
+        assert one["speed_km_h"] == pytest.approx(140.0)
+        assert one["deviation_mm"]["D2"] == pytest.approx(1e3 * entry.deviations["D2"])
+        assert sum(one["counts"].values()) == sum(entry.defects.values())
+    some = asked(client, "passes", line=MAIN, direction=UP, first=str(DAYS[1]), last=str(DAYS[2]))
+    assert [one["day"] for one in some["passes"]] == [str(DAYS[1]), str(DAYS[2])]
+
+
+# --- strips -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("band", ["D1", "D3"])
+@pytest.mark.parametrize(
+    ("start", "end", "width"),
+    [(0.0, LENGTH, 300), (1400.3, 1617.7, 400), (2350.0, 2700.0, 8000), (-500.0, 700.0, 50)],
+)
+def test_strip_is_least_and_greatest_of_every_bin(
+    client: httpx.Client, dated_store: Store, band: str, start: float, end: float, width: int
+) -> None:
+    day = DAYS[2]  # the one with a gap
+    strip = asked(
+        client, "strip", **LAST | {"day": str(day)}, band=band, from_=START + start, to=START + end, width=width
+    )  # fmt: skip
+    names = [f"level_{band}_m", f"standard_deviation_{band}_m"]
+    rows = read_columns(dated_store, entry_of(dated_store, day), ["distance_m", *names])
+    edges = strip["from_m"] + strip["bin_m"] * np.arange(len(strip["low_mm"]) + 1)
+    assert len(strip["low_mm"]) <= width
+    assert strip["from_m"] <= START + start
+    assert strip["to_m"] == edges[-1] > START + end - strip["bin_m"]
+    low, high, deviation = (known(strip[name]) for name in ("low_mm", "high_mm", "deviation_mm"))
+    for i in range(low.size):
+        inside = (rows["distance_m"] >= edges[i]) & (rows["distance_m"] < edges[i + 1])
+        level = 1e3 * rows[names[0]][inside]
+        if not np.isfinite(level).any():
+            assert np.isnan([low[i], high[i]]).all()
+            continue
+        assert low[i] == pytest.approx(np.nanmin(level), abs=6e-4)
+        assert high[i] == pytest.approx(np.nanmax(level), abs=6e-4)
+        assert deviation[i] == pytest.approx(1e3 * rows[names[1]][inside].max(), abs=6e-5)
+
+
+def test_strip_of_a_day_is_around_all_its_passes(client: httpx.Client, dated_store: Store) -> None:
+    asks = {"line": BRANCH, "direction": DOWN, "day": str(FIRST), "band": "D1"}
+    stretch = {"from": 1900, "to": 2600, "width": 100}
+    both = asked(client, "strip", **asks, **stretch)
+    entries = find(dated_store, line=BRANCH)
+    single = [asked(client, "strip", **asks, **stretch, entry=one.id) for one in entries]
+    assert both["entries"] == [one.id for one in entries]
+    for name, most in (("low_mm", np.fmin), ("high_mm", np.fmax)):
+        expected = most(known(single[0][name]), known(single[1][name]))
+        assert known(both[name]) == pytest.approx(expected, nan_ok=True)
+    assert np.isfinite(known(both["low_mm"])).all()
+    assert not np.isfinite(known(single[1]["low_mm"])).all()
+
+
+def test_strip_states_limits_and_what_is_not_judged(
+    client: httpx.Client, dated_store: Store
+) -> None:
+    strip = asked(client, "strip", **LAST, band="D1")
+    heights = EN.defects_at("D1", SPEED).heights
+    assert [(one["action"], one["height_mm"]) for one in strip["limits"]] == [
+        (action.words, pytest.approx(1e3 * heights[action])) for action in Action
+    ]
+    rows = table(dated_store, [entry_of(dated_store, DAYS[-1])], "not_assessed")
+    expected = [
+        (start, end, why)
+        for band, start, end, why in zip(
+            rows["band"], rows["start_m"], rows["end_m"], rows["reasons"], strict=True
+        )
+        if band == "D1"
+    ]
+    assert [
+        (one["start_m"], one["end_m"], one["reasons"]) for one in strip["not_judged"]
+    ] == expected
+    # at this speed there are none in D2
+    assert asked(client, "strip", **LAST, band="D2")["limits"] == []
+
+
+def test_limits_are_known_where_nothing_is_near_them(tmp_path) -> None:
+    store = create(str(tmp_path / "calm"))
+    calm = seen(0, 1000.0, seed=5)
+    calm["elevation"] = calm["elevation"] * 0.01
+    put(store, Place("calm", "up", FIRST), calm)
+    with serving(store) as client:
+        strip = asked(client, "strip", line="calm", direction="up", day=str(FIRST), band="D1")
+        defects = asked(client, "defects", line="calm", direction="up", day=str(FIRST))
+    assert [one["height_mm"] for one in strip["limits"]] == [8.0, 10.0, 23.0]
+    assert (defects["total"], defects["counts"]) == (0, {})
+
+
+# --- tables -------------------------------------------------------------------------------------
+
+
+def stored_defects(store: Store, day: date) -> list[dict]:
+    columns = table(store, find(store, line=MAIN, first=day, last=day), "defects")
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def test_defects_are_all_there_gravest_first(client: httpx.Client, dated_store: Store) -> None:
+    found = asked(client, "defects", **LAST)
+    stored = stored_defects(dated_store, DAYS[-1])
+    stored.sort(
+        key=lambda one: (-GRAVITY[one["likely"]], -abs(one["height_mm"]) / one["limit_alert_mm"])
+    )
+    assert [one["peak_m"] for one in found["defects"]] == [one["peak_m"] for one in stored]
+    assert found["total"] == len(stored) >= 5
+    for one, other in zip(found["defects"], stored, strict=True):
+        assert one["calls_for"] == other["likely"]
+        assert one["height_mm"] == other["height_mm"]
+        assert one["probabilities"]["alert"] == other["probability_alert"]
+        assert one["limits_mm"]["intervention"] == other["limit_intervention_mm"]
+    counted = Counter(one["likely"] or "possible" for one in stored)
+    assert found["counts"] == counted
+    assert found["duties"][0]["action"] == "immediate action"
+    assert any("not verified" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize("order", ["gravest", "along"])
+def test_pages_of_defects_make_the_whole(client: httpx.Client, order: str) -> None:
+    whole = asked(client, "defects", **LAST, order=order)["defects"]
+    pages = [
+        one
+        for offset in range(0, len(whole) + 2, 2)
+        for one in asked(client, "defects", **LAST, order=order, offset=offset, count=2)["defects"]
+    ]
+    assert pages == whole
+    if order == "along":
+        assert [one["peak_m"] for one in whole] == sorted(one["peak_m"] for one in whole)
+
+
+def test_defects_are_filtered_by_place_band_and_action(
+    client: httpx.Client, dated_store: Store
+) -> None:
+    stored = stored_defects(dated_store, DAYS[-1])
+    start, end = START + 1400, START + 3300
+    near = asked(client, "defects", **LAST, from_=start, to=end, order="along")
+    assert [one["peak_m"] for one in near["defects"]] == sorted(
+        one["peak_m"] for one in stored if one["end_m"] >= start and one["start_m"] <= end
+    )
+    grave = asked(client, "defects", **LAST, least="intervention")
+    assert grave["total"] == sum(GRAVITY[one["likely"]] >= 2 for one in stored) < len(stored)
+    assert asked(client, "defects", **LAST, band="D2")["total"] == 0
+
+
+def test_schematic_counts_every_defect_once(client: httpx.Client, dated_store: Store) -> None:
+    found = asked(client, "schematic", **LAST, bins=50)
+    stored = stored_defects(dated_store, DAYS[-1])
+    size = (found["end_m"] - found["start_m"]) / 50
+    expected = Counter(
+        (int((one["peak_m"] - found["start_m"]) / size), one["likely"]) for one in stored
+    )
+    assert {
+        (round((one["start_m"] - found["start_m"]) / size), one["calls_for"]): one["places"]
+        for one in found["bins"]
+    } == expected
+    deepest = min(stored, key=lambda one: one["height_mm"])
+    assert deepest["peak_m"] in [one["peak_m"] for one in found["bins"]]
+
+
+def stored_sections(store: Store, day: date, band: str) -> list[tuple[float, float]]:
+    columns = table(store, find(store, line=MAIN, first=day, last=day), "sections")
+    rows = zip(
+        columns["band"], columns["length_m"], columns["start_m"], columns["standard_deviation_mm"], strict=True
+    )  # fmt: skip
+    return [(start, value) for name, length, start, value in rows if name == band and length > 150]
+
+
+@pytest.mark.parametrize("count", [500, 7, 1])
+def test_sections_are_the_worst_of_each_group(
+    client: httpx.Client, dated_store: Store, count: int
+) -> None:
+    found = asked(client, "sections", **LAST, band="D1", count=count)
+    stored = stored_sections(dated_store, DAYS[-1], "D1")
+    assert found["length_m"] == 200.0
+    assert len(found["sections"]) <= count + 1  # groups begin at multiples of their length
+    groups: dict[int, float] = {}
+    for start, value in stored:
+        group = int(start // 200) // found["grouped"]
+        groups[group] = max(value, groups.get(group, 0.0))
+    assert [one["standard_deviation_mm"] for one in found["sections"]] == pytest.approx(
+        [groups[key] for key in sorted(groups)], abs=6e-5
+    )
+
+
+# --- places through time ------------------------------------------------------------------------
+
+
+def true_rate(band: int) -> float:
+    """Of the place that settles, in mm a day, in a band."""
+    at = np.arange(0.0, LENGTH, 0.25)
+    shape = band_pass(dip(at, SETTLES, 0.0025, 3.0), 0.25, BANDS[band])
+    return 1e3 * shape[int(SETTLES / 0.25)] / 30
+
+
+def test_development_of_a_place_is_the_true_one(client: httpx.Client, dated_store: Store) -> None:
+    found = asked(client, "place", line=MAIN, direction=UP, band="D1", at=START + SETTLES)
+    assert [one["day"] for one in found["passes"]] == [str(day) for day in DAYS]
+    trend = found["trend"]
+    assert abs(trend["per_day_mm"] - true_rate(0)) < 4 * trend["per_day_deviation_mm"]
+    assert trend["per_day_deviation_mm"] < 0.1 * abs(true_rate(0))
+    for day, level in zip(DAYS, found["level_mm"], strict=True):
+        names = ["distance_m", "level_D1_m"]
+        rows = read_columns(dated_store, entry_of(dated_store, day), names)
+        place = np.argmin(np.abs(rows["distance_m"] - START - SETTLES))
+        assert level == pytest.approx(1e3 * rows["level_D1_m"][place], abs=0.3)  # lags and a gap
+    ahead = found["forecast"]
+    assert ahead[0]["day"] == str(DAYS[0])
+    assert ahead[-1]["day"] > str(DAYS[-1])
+    slope = (ahead[-1]["level_mm"] - ahead[0]["level_mm"]) / (
+        date.fromisoformat(ahead[-1]["day"]) - DAYS[0]
+    ).days
+    assert slope == pytest.approx(trend["per_day_mm"], rel=1e-2)
+    last, limit = found["level_mm"][-1], found["reached"][0]
+    days = (limit["height_mm"] - abs(last)) / abs(trend["per_day_mm"])
+    assert (date.fromisoformat(limit["median"]) - DAYS[-1]).days == pytest.approx(days, abs=12)
+    assert limit["earliest"] <= limit["median"] <= limit["latest"]
+
+
+def test_a_pass_with_a_gap_there_is_named_with_its_reason(client: httpx.Client) -> None:
+    found = asked(client, "place", line=MAIN, direction=UP, band="D1", at=START + 2440)
+    assert [one["day"] for one in found["left_out"]] == [str(DAYS[2])]
+    assert "gap" in found["left_out"][0]["reason"]
+    since = asked(
+        client, "place", line=MAIN, direction=UP, band="D1", at=START + 800, since=str(DAYS[2])
+    )
+    assert [one["day"] for one in since["passes"]] == [str(day) for day in DAYS[2:]]
+
+
+def test_passes_of_one_day_tell_no_rate(client: httpx.Client) -> None:
+    found = asked(client, "place", line=BRANCH, direction=DOWN, band="D1", at=2250)
+    assert len(found["passes"]) == 2
+    assert found["trend"] is None
+    assert found["forecast"] == found["reached"] == []
+
+
+def test_many_passes_are_thinned_out_and_said_to_be(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(places, "MOST_PASSES", 3)
+    found = asked(client, "place", line=MAIN, direction=UP, band="D1", at=START + 800)
+    assert found["omitted"] == 1
+    assert [one["day"] for one in found["passes"]][::2] == [str(DAYS[0]), str(DAYS[-1])]
+
+
+def test_two_dates_differ_where_the_track_settled_and_nowhere_else(client: httpx.Client) -> None:
+    found = asked(
+        client, "compare", **LAST, other=str(DAYS[0]), band="D1", from_=START + 2700, to=START + 3700, width=8000
+    )  # fmt: skip
+    assert (found["first_day"], found["second_day"]) == (str(DAYS[0]), str(DAYS[-1]))
+    assert [round(one["peak_m"] - START - SETTLES) for one in found["places"]] == [0]
+    place = found["places"][0]
+    assert abs(place["change_mm"] - 90 * true_rate(0)) < 4 * place["deviation_mm"]
+    strip = found["difference"]
+    i = int((START + SETTLES - strip["from_m"]) / strip["bin_m"])
+    assert strip["low_mm"][i] == pytest.approx(90 * true_rate(0), abs=0.5)
+    one = asked(client, "strip", **LAST, band="D1", from_=START + 2700, to=START + 3700, width=8000)
+    assert found["second"]["low_mm"] == one["low_mm"]
+    # whichever is asked for first
+    other = asked(
+        client, "compare", **LAST | {"day": str(DAYS[0])}, other=str(DAYS[-1]), band="D1",
+        from_=START + 2700, to=START + 3700, width=8000,
+    )  # fmt: skip
+    assert other["difference"] == strip
+
+
+def test_far_apart_two_dates_are_compared_by_section(
+    client: httpx.Client, dated_store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(places, "CLOSEST", 1000.0)
+    found = asked(client, "compare", **LAST, other=str(DAYS[0]), band="D1")
+    before, after = (dict(stored_sections(dated_store, day, "D1")) for day in (DAYS[0], DAYS[-1]))
+    strip = found["difference"]
+    assert (found["by_section"], strip["bin_m"]) == (200.0, 200.0)
+    for start in before.keys() & after.keys():
+        i = int((start + 100 - strip["from_m"]) / strip["bin_m"])
+        assert strip["low_mm"][i] == pytest.approx(after[start] - before[start], abs=2e-3)
+    worst = int(np.nanargmax(known(strip["high_mm"])))
+    assert strip["from_m"] + 200 * worst <= START + SETTLES < strip["from_m"] + 200 * (worst + 1)
+
+
+def test_passes_that_do_not_look_alike_are_drawn_and_said_to_be_so(tmp_path) -> None:
+    store = create(str(tmp_path / "unlike"))
+    for month in (0, 1):
+        day = FIRST + timedelta(days=30 * month)
+        put(store, Place("unlike", "up", day), seen(month, 800.0, seed=7 + month))
+    with serving(store) as client:
+        found = asked(
+            client, "compare", line="unlike", direction="up", day=str(day), other=str(FIRST), band="D1"
+        )  # fmt: skip
+    assert any("look like the first profile" in note for note in found["notes"])
+    assert found["places"] == []
+    assert any(one is not None for one in found["first"]["low_mm"])
+
+
+# --- data quality -------------------------------------------------------------------------------
+
+
+def test_quality_tells_the_gap_and_the_flags(client: httpx.Client, dated_store: Store) -> None:
+    found = asked(client, "quality", line=MAIN, direction=UP, band="D1", bins=300)
+    assert [one["day"] for one in found["passes"]] == [str(day) for day in DAYS]
+    gapped = found["passes"][2]
+    lost = [i for i, one in enumerate(gapped["deviation_along_mm"]) if one is None]
+    assert lost == [121, 122, 123]  # of 20 m each, all of which lie between 2400 and 2480 m
+    assert {one["name"] for one in gapped["flags"]} == {"gap", "edge", "slow"}
+    assert {one["name"] for one in found["passes"][0]["flags"]} == {"edge"}
+    assert gapped["known_share"] == entry_of(dated_store, DAYS[2]).known < 1
+    names = ["distance_m", "standard_deviation_D1_m"]
+    rows = read_columns(dated_store, entry_of(dated_store, DAYS[0]), names)
+    for i in (0, 100, 299):
+        start = found["start_m"] + i * found["bin_m"]
+        inside = (rows["distance_m"] >= start) & (rows["distance_m"] < start + found["bin_m"])
+        assert found["passes"][0]["deviation_along_mm"][i] == pytest.approx(
+            1e3 * rows[names[1]][inside].max(), rel=0.02
+        )
+
+
+# --- versions, caches, and what is not there ----------------------------------------------------
+
+
+def test_an_earlier_version_is_still_answered_for(tmp_path) -> None:
+    from trackprofile.assessment.assess import assess
+    from trackprofile.store import add
+
+    store = create(str(tmp_path / "versions"))
+    place, profile = Place("one", "up", FIRST), seen(0, 700.0)
+    old = put(store, place, profile)
+    deeper = profile.copy()
+    deeper["elevation"] = profile["elevation"] * 2.0
+    new = add(
+        store, place, deeper, assess(deeper, EN, SPEED), replace(old.origin, revision=1)
+    ).entry  # fmt: skip
+    with serving(store) as client:
+        asks = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1"}
+        listed = asked(client, "passes", line="one", direction="up")["passes"]
+        latest, before = (
+            asked(client, "strip", **asks),
+            asked(client, "strip", **asks, entry=old.id),
+        )
+    assert [one["entry"] for one in listed] == latest["entries"] == [new.id]
+    assert known(latest["low_mm"]) == pytest.approx(
+        2 * known(before["low_mm"]), abs=5e-3, nan_ok=True
+    )
+
+
+def test_the_same_recording_on_two_days_is_two_passes(tmp_path) -> None:
+    from trackprofile.assessment.assess import assess
+    from trackprofile.store import add
+
+    store, profile = create(str(tmp_path / "twice")), seen(0, 1500.0)
+    one = put(store, Place("one", "up", FIRST), profile)
+    later = Place("one", "up", FIRST + timedelta(days=30))
+    other = add(store, later, profile, assess(profile, EN, SPEED), one.origin).entry
+    assert other.id == one.id
+    with serving(store) as client:
+        place = asked(client, "place", line="one", direction="up", band="D1", at=750)
+        two = asked(
+            client, "compare", line="one", direction="up", band="D1", day=str(later.day), other=str(FIRST)
+        )  # fmt: skip
+    assert [told["day"] for told in place["passes"]] == [str(FIRST), str(later.day)]
+    assert np.nanmax(np.abs(known(two["difference"]["high_mm"]))) < 2e-3  # answered to 0.001
+
+
+def test_what_was_added_is_shown_after_a_while(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = create(str(tmp_path / "grows"))
+    with serving(store) as client:
+        assert asked(client, "lines")["lines"] == []
+        put(store, Place("new", "up", FIRST), seen(0, 700.0))
+        assert asked(client, "lines")["lines"] == []
+    monkeypatch.setattr(catalogue, "LASTS", 0.0)
+    with serving(store) as client:
+        assert asked(client, "lines")["lines"][0]["line"] == "new"
+
+
+def test_an_answer_that_the_reader_has_is_not_sent_again(client: httpx.Client) -> None:
+    asks = LAST | {"band": "D1", "width": "100"}
+    first = client.get("/api/strip", params=asks)
+    tag = {"if-none-match": first.headers["etag"]}
+    again = client.get("/api/strip", params=asks, headers=tag)
+    assert (again.status_code, again.content) == (304, b"")
+    assert client.get("/api/strip", params=asks | {"band": "D2"}, headers=tag).status_code == 200
+    page = client.get("/static/main.js")
+    tag = {"if-none-match": page.headers["etag"]}
+    assert client.get("/static/main.js", headers=tag).status_code == 304
+
+
+def test_head_is_get_without_a_body(client: httpx.Client) -> None:
+    answer = client.head("/api/lines")
+    assert (answer.status_code, answer.content) == (200, b"")
+    assert answer.headers["content-type"] == "application/json"
+
+
+@pytest.mark.parametrize(
+    ("what", "params", "words"),
+    [
+        ("passes", {"line": "no", "direction": "up"}, "holds no line 'no'"),
+        ("strip", LAST | {"day": "2020-01-01", "band": "D1"}, "no pass of"),
+        ("strip", LAST | {"band": "D1", "entry": f"{16 * '0'}-{16 * '0'}"}, "no pass 0000"),
+        ("place", {"line": MAIN, "direction": UP, "band": "D1", "at": "5"}, "reaches 5.0 m"),
+        ("strip", LAST | {"band": "D1", "from": "90000"}, "not there"),
+        (
+            "quality",
+            {"line": MAIN, "direction": UP, "band": "D1", "first": "2030-01-01"},
+            "no pass",
+        ),
+        ("nothing", {}, "nothing at this address"),
+    ],
+)
+def test_what_is_not_there_is_said_in_a_sentence(
+    client: httpx.Client, what: str, params: dict[str, str], words: str
+) -> None:
+    answer = client.get(f"/api/{what}", params=params)
+    assert answer.status_code == 404
+    assert words in answer.json()["error"]
+
+
+def test_a_place_that_no_pass_tells_is_unusable(client: httpx.Client) -> None:
+    asks = {"line": BRANCH, "direction": DOWN, "band": "D3", "at": "5"}
+    answer = client.get("/api/place", params=asks)
+    assert answer.status_code == 422
+    assert "nothing is known in D3: edge" in answer.json()["error"]
+
+
+def test_a_damaged_store_is_told_without_its_path(tmp_path, capfd) -> None:
+    store = create(str(tmp_path / "damaged"))
+    entry = put(store, Place("one", "up", FIRST), seen(0, 700.0))
+    file = tmp_path / "damaged" / entry.path("overviews")
+    file.write_bytes(b"PAR1 is not enough")
+    with serving(store) as client:
+        asks = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1", "width": "20"}
+        answer = client.get("/api/strip", params=asks)
+        assert client.get("/api/lines").status_code == 200
+    assert answer.status_code == 500
+    assert "store verify" in answer.json()["error"]
+    assert str(tmp_path) not in answer.text
+    assert "is damaged" in capfd.readouterr().err
+
+
+def test_every_question_is_described(client: httpx.Client) -> None:
+    described = client.get("/openapi.json").json()
+    assert sorted(described["paths"]) == [
+        f"/api/{one}"
+        for one in (
+            "compare", "days", "defects", "lines", "passes", "place", "quality", "schematic", "sections", "strip",
+        )
+    ]  # fmt: skip
+    for path in described["paths"].values():
+        ((method, one),) = path.items()
+        assert method == "get"
+        assert one["summary"]
+        assert "application/json" in one["responses"]["200"]["content"]
+        for parameter in one.get("parameters", ()):
+            schema = parameter["schema"]
+            kinds = [schema, *schema.get("anyOf", ())]
+            bounded = ("maximum", "maxLength", "pattern", "enum", "format", "const")
+            assert any(key in kind for kind in kinds for key in bounded), parameter
+    assert client.get("/docs").status_code == client.get("/redoc").status_code == 404
+
+
+def test_every_band_may_be_asked_for() -> None:
+    assert get_args(questions.Band) == tuple(one.name for one in BANDS)
