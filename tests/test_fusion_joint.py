@@ -63,28 +63,27 @@ class Measured:
 @pytest.fixture(scope="module")
 def measured() -> Measured:
     """Five passes that hardly know their long waves: each holds 60 to 90 % of D3, the prior the rest."""
-    omega = np.linspace(1e-4, np.pi, 4000)
+    omega = np.linspace(1e-4, np.pi, 2500)
     prior = covariance(2e-6 / (omega**2 + 0.0206**2), omega)
     generator = np.random.default_rng(4)
     truth = np.linalg.cholesky(prior + 1e-15 * np.eye(COUNT)) @ generator.standard_normal(COUNT)
     filters = {band: band_pass(np.eye(COUNT), SPACING, band).T for band in BANDS}
     precision, information = np.linalg.inv(prior), np.zeros(COUNT)
+    usual = covariance(6e-10 / (omega**2 + 0.002**2) ** 2 + 6e-10 / 0.6**4, omega)
+    root, inverse = np.linalg.cholesky(usual), np.linalg.inv(usual)
     passes = []
     for number, size in enumerate((1.0, 1.5, 2.0, 0.8, 1.2)):
-        noise = covariance(
-            size**2 * 6e-10 / (omega**2 + 0.002**2) ** 2 + size**2 * 6e-10 / 0.6**4, omega
-        )
-        of_pass = truth + np.linalg.cholesky(noise) @ generator.standard_normal(COUNT)
-        gain = np.linalg.solve(prior + noise, prior).T
+        of_pass = truth + size * root @ generator.standard_normal(COUNT)
+        gain = np.linalg.solve(prior + size**2 * usual, prior).T
         posterior = prior - gain @ prior
-        told = np.linalg.inv(noise)
+        told = inverse / size**2
         precision, information = precision + told, information + told @ of_pass
         passes.append(
             Pass(
                 build_profile(
-                    AT, gain @ of_pass, kind="posterior", standard_deviation=spread_of(posterior),
+                    AT, gain @ of_pass, kind="posterior", standard_deviation=np.sqrt(np.diag(posterior)),
                     band_standard_deviations={
-                        band.name: spread_of(one @ posterior @ one.T) for band, one in filters.items()
+                        band.name: spread_in(one, posterior) for band, one in filters.items()
                     },
                 ),
                 DAY,
@@ -92,12 +91,13 @@ def measured() -> Measured:
             )
         )  # fmt: skip
     joint = np.linalg.inv(precision)
-    spread = {band.name: spread_of(one @ joint @ one.T) for band, one in filters.items()}
+    spread = {band.name: spread_in(one, joint) for band, one in filters.items()}
     return Measured(truth, tuple(passes), joint @ information, spread)
 
 
-def spread_of(matrix: Array) -> Array:
-    return np.sqrt(np.diag(matrix))
+def spread_in(filtering: Array, covariance: Array) -> Array:
+    """Standard deviation at each point of what passes a filter."""
+    return np.sqrt(np.einsum("ij,ij->i", filtering @ covariance, filtering))
 
 
 def inner(band: Band) -> slice:

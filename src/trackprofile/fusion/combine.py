@@ -68,7 +68,8 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
         fit = _fitted(laid, part, days, trust, day if timed else 0.0)
         error[part.waves] = fit.error
         level += fit.standing
-        if timed:
+        # Of longer waves no pass says how well it knows them, and they differ by millimetres: they tell no rate.
+        if timed and part is not RANGES[-1]:
             width = INTEGRALS[ALL][part.waves]
             found = moving(
                 np.interp(laid.places, laid.distance, fit.rate),

@@ -160,7 +160,7 @@ def factors(of: Cells, days: Array, vehicle: Indices, tied: Indices) -> Factors:
         quadratic, trace = (each @ np.einsum("cii->ci", one) for one in (W, P))
         usual = _usual(louder, trace > 0)
         new = np.sqrt((quadratic * louder**2 + BELIEF * usual) / (trace + BELIEF / louder))
-        asked, there = (np.einsum("ciq,cij,cjq->cq", H, one, H, optimize=True) for one in (W, P))
+        asked, there = ((H * (one @ H)).sum(axis=1) for one in (W, P))
         change *= _grown(along @ asked[:, 0], along @ there[:, 0])
         shared *= _grown(*(pooled @ (of.count @ one[:, 1:]) for one in (asked, there)))
         change, shared = np.maximum(change, least), np.maximum(shared, _NONE)

@@ -109,12 +109,18 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     level = np.where(known, (row[0] * h[0] + row[1] * h[1]) * told, 0.0)
     rate = np.where(known, (C[1] * h[0] + C[2] * h[1]) * told, 0.0)
     variance = np.stack([row[0] + day * row[1], row[1], C[2]])
-    # What the prior makes all passes err alike does not average out.
     alike = laid.alike(wave)
-    more = (level * np.sqrt(alike)).sum(axis=0) ** 2 - (level**2 * louder * alike).sum(axis=0)
-    variance[0] += more
+    variance[0] += _not_averaged(level, alike, louder)
+    standing = np.where(known, h[0] * told / J[0], 0.0)
     held = np.stack([row[0], C[1]]) / S
-    return Weights(level, rate, held, variance, 1.0 / J[0] + more)
+    return Weights(
+        level, rate, held, variance, 1.0 / J[0] + _not_averaged(standing, alike, louder)
+    )
+
+
+def _not_averaged(weight: Array, alike: Array, louder: Array) -> Array:
+    """What the prior makes all passes err alike does not average out: what it adds to the variance of their sum."""
+    return (weight * np.sqrt(alike)).sum(axis=0) ** 2 - (weight**2 * louder * alike).sum(axis=0)
 
 
 def _shared(laid: Laid, wave: int, trust: Trust) -> Array:

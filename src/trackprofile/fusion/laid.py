@@ -24,7 +24,6 @@ UNDONE = 0.25
 """Share of a wave that an estimate has to hold, for the prior's part in it to be undone: else it would be blown up."""
 
 _FLAWED = Quality.UNCONVERGED | Quality.SATURATED | Quality.UNEXPLAINED
-_BARELY = 1e-3  # weight of a pass at its very end, beside one that goes on
 _FAINT = 0.05  # share of a wave that is taken to be held at least
 _BEYOND = 4.0  # times the prior's density, from which what is there cannot be of it
 _FEATHER = 300.0  # m over which a pass fades in where passes are first put together
@@ -78,7 +77,6 @@ class Laid:
     def cover(self, wave: int) -> Array:
         """Share of its weight that each pass has in a wave, less where it ends sooner than others (n, k)."""
         ramp = np.sin(0.5 * np.pi * np.minimum(self.inside / LENGTHS[wave], 1.0)) ** 2
-        ramp = np.where(self.inside > 0, np.maximum(ramp, _BARELY), 0.0)
         best = ramp.max(axis=0)
         return ramp / np.where(best > 0, best, 1.0)
 
