@@ -113,9 +113,7 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     variance[0] += _not_averaged(level, alike, louder)
     standing = np.where(known, h[0] * told / J[0], 0.0)
     held = np.stack([row[0], C[1]]) / S
-    return Weights(
-        level, rate, held, variance, 1.0 / J[0] + _not_averaged(standing, alike, louder)
-    )
+    return Weights(level, rate, held, variance, 1.0 / J[0] + _not_averaged(standing, alike, louder))
 
 
 def _not_averaged(weight: Array, alike: Array, louder: Array) -> Array:

@@ -209,7 +209,7 @@ def _likeliest_path(likeness: Array, step: int) -> NDArray[np.intp]:
 
 
 def _simplest(distance: Array, lag: Array, sure: Mask) -> Alignment:
-    """Straight lines through the lags, as few as come within a quarter of what `align` finds, the outer ones going on."""
+    """Straight lines through the lags, as few as come within a quarter of what `align` finds, going on at the ends."""
     distance, lag = distance[sure], lag[sure]
     knots, at_knots = distance[:1], lag[:1]
     for pieces in range(1, distance.size):
