@@ -76,6 +76,7 @@ def say(line: str) -> None:
     sys.stdout.write(line + "\n")
 
 
+@pytest.mark.acceptance
 def test_suspension_is_found_from_300_m_of_unknown_track() -> None:
     recording, _ = recorded(300.0, 3, FRA_5, read_sensors("bogie-100ug"))
     names = ["primary stiffness", "primary damping"]

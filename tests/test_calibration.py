@@ -53,6 +53,7 @@ def test_only_ratios_of_masses_and_stiffnesses_are_told_on_a_rigid_path(
         calibrate(made[0], VELARO, made[1], parameters=[*scale, *springs])
 
 
+@pytest.mark.acceptance
 def test_several_recordings_are_fitted_at_once(made: tuple[xr.Dataset, xr.Dataset]) -> None:
     recording, truth = made
     halves = [between(recording, 0.0, 220.0), between(recording, 180.0, 400.0)]

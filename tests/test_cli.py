@@ -282,6 +282,7 @@ def test_a_speed_that_is_none_is_refused(run: Run, speed: str, words: str) -> No
 # --- bench --------------------------------------------------------------------------------------
 
 
+@pytest.mark.acceptance
 def test_bench_measures_the_figures_that_the_readme_quotes(run: Run) -> None:
     code, out, _ = run("bench", "--json")
     assert code == 0

@@ -162,6 +162,7 @@ def test_noise_that_grows_for_a_while_is_not_taken_for_track(case: Case) -> None
     assert rms(errors(case, found)["D1"][quiet]) < 1.1 * rms(clean)
 
 
+@pytest.mark.acceptance
 def test_level_of_the_track_is_found_among_spikes_and_bursts(case: Case) -> None:
     def spoiled(values: Array) -> Array:
         generator = np.random.default_rng(5)

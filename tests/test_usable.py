@@ -104,6 +104,7 @@ def test_parameter_that_the_data_tell_less_than_the_prior_is_not_written_unless_
     assert [one.name for one in kept.estimates] == ["wheelset mass"]
 
 
+@pytest.mark.acceptance
 def test_start_far_from_the_vehicle_is_said(recording: xr.Dataset) -> None:
     tight = tuple(
         replace(one, spread=0.05) if one.name == "primary stiffness" else one

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -95,45 +95,19 @@ def infer(
     support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
     settings = None if search is None else read_search(search)
     measured = between(measured, from_m, to_m)
-    stopped = ""
-    kept, said = None, ()
-    if method is Method.SMOOTHER:
-        settled = {
-            "vehicle": car,
-            "installation": installation,
-            "track": support,
-            "prior": spectrum,
-        }
-        key = key_of(measured, **settled, draws=draws, seed=seed, correct=correct, load=load)
-        kept, said = kept_beside(output, key, resume=resume)
+    kept, stopped = None, ""
+    both: dict[str, Any] = {"installation": installation, "track": support, "seed": seed}
+    if method is Method.CROSS_ENTROPY:
+        both |= {"search": settings, "evaluation": searches.Evaluation(evaluation.value)}
+        with show.progress_bars() as progress, _interruptible(kept):
+            found = cross_entropy(measured, car, **both, progress=progress)
+        stopped = found.stopped
+    else:
+        both |= {"prior": spectrum, "draws": draws, "correct": correct, "load": load}
+        kept, said = kept_beside(output, key_of(measured, vehicle=car, **both), resume=resume)
         show.note(said)
-    with show.progress_bars() as progress, _interruptible(kept):
-        if method is Method.CROSS_ENTROPY:
-            found = cross_entropy(
-                measured,
-                car,
-                installation=installation,
-                track=support,
-                search=settings,
-                evaluation=searches.Evaluation(evaluation.value),
-                seed=seed,
-                progress=progress,
-            )
-            stopped = found.stopped
-        else:
-            found = estimate(
-                measured,
-                car,
-                installation=installation,
-                track=support,
-                prior=spectrum,
-                draws=draws,
-                seed=seed,
-                correct=correct,
-                load=load,
-                progress=progress,
-                kept=kept,
-            )
+        with show.progress_bars() as progress, _interruptible(kept):
+            found = estimate(measured, car, **both, progress=progress, kept=kept)
     files = list(map(str, write_estimate(found, measured, output)))
     if kept is not None:
         kept.discard()

@@ -165,22 +165,23 @@ def solved(data: Measured, block: Block, task: Task, progress: Progress) -> Piec
     start = start_of(data, model, system, ride)
     walk = walk_of(ride, moved(data, model), model.sensors)
     settled = settle(ride, model.spectrum, variance, start, signals, walk)
+    place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
+    if task.correct:
+        beyond = beyond_reduced(data, model, task.track, place, settled.smoothed.elevation[:, 0])
+        # What the full model explains is no fault of a sensor: all is judged anew without it.
+        signals = signals - beyond[ride.samples, ride.sensors][:, None]
+        settled = settle(ride, model.spectrum, variance, start, signals, walk)
     progress("smoothing", 0.5)
     generator = np.random.default_rng([task.seed, block.number])
     profiles, simulated = prior_draws(settled.prepared, task.draws, generator)
     errors = profiles - smooth(settled.prepared, simulated).elevation
     progress("smoothing", 0.8)
-    place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
     elevation = settled.smoothed.elevation[:, 0]
     slopes = by_the_vehicle(data, model, task.installation, place, elevation, progress)
     # The vehicle errs in the same way in all blocks.
     directions = np.random.default_rng(task.seed).standard_normal((slopes.shape[1], task.draws))
     bands, notes = band_spreads(errors + slopes @ directions, ride.spacing)
     known = np.maximum(settled.variances.elevation, 0.0)
-    if task.correct:
-        beyond = beyond_reduced(data, model, task.track, place, elevation)
-        rows = beyond[ride.samples, ride.sensors][:, None]
-        elevation = elevation - smooth(settled.prepared, rows).elevation[:, 0]
     found = doubted(settled.weights, data, model, ride)
     flags = quality(
         place, bands, data, model, ride, _unexplained(data, ride, settled, variance),

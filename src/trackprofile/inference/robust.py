@@ -46,14 +46,23 @@ CHI_SQUARE_MEDIAN = 0.4549
 NORMAL_DEVIATION = 1.4826
 """Standard deviation of normal numbers over the median of their distance from their median."""
 
+STAYS = 0.5
+"""Times what a jump has to show to be found, so that it stays."""
+
 LEAST_TOLD = 1e-9
 """Share of the greatest precision below which nothing is told of an offset: at the very end of a ride."""
 
 FASTER = 1.25
 """Times its variance, or that part of it, that an offset's walk has to show before it is believed."""
 
-NOTED = 4.0
-"""The same of a walk that was as usual so far."""
+NOTED = 5.0
+"""The same of a walk that was as usual so far, over what samples show beyond their noise."""
+
+MOSTLY = 4.0
+"""Times what half of the stretches show, or less, that is taken for what the model leaves: more is a fault."""
+
+EXPLAINED = 2.0
+"""Times its variance, or less, that samples show where the model explains them."""
 
 BOLDEST = 30.0
 """Times by which the variance of an offset's walk may change in one round."""
@@ -118,53 +127,67 @@ def settle(
         np.zeros((len(ride.F), ride.offsets)),
         np.zeros(ride.offsets),
     )
-    rounds = 0
+    rounds, before = 0, np.full(ride.offsets, np.inf)
     while True:
         rounds += 1
         noise = weights.noise(variance)
         wandering = with_offsets(ride, weights.jumps + np.outer(walk.duration, weights.drift))
         prepared = prepare(wandering, spectrum, noise, start)
         smoothed, judged = smooth(prepared, signals), variances(prepared)
-        again = _judged(weights, ride, variance, noise, smoothed, judged)
+        again, left = _judged(weights, ride, variance, noise, smoothed, judged)
+        shown = _wandering(smoothed, judged, walk)
         if rounds > FREE_ROUNDS:
             again = _held(again, weights, variance)
         if rounds > FREE_ROUNDS or _same(again, weights, variance):
             # Drift is judged last: as long as outliers and jumps are not told apart, they look like it.
-            again = _drifting(again, smoothed, judged, walk)
+            again = _drifting(again, np.minimum(shown, before), walk, left)
         if _same(again, weights, variance) or rounds == MOST_ROUNDS:
             return Settled(prepared, smoothed, judged, weights, rounds)
-        weights = again
+        weights, before = again, shown
 
 
 def _judged(
     weights: Weights, ride: Ride, variance: Array, noise: Array, smoothed: Smoothed, judged: Variances
-) -> Weights:  # fmt: skip
-    """The weights that the last round asks for."""
+) -> tuple[Weights, float]:  # fmt: skip
+    """The weights that the last round asks for, and times their variance what samples show that the model leaves."""
     error = smoothed.residual[:, 0] / (noise * judged.precision)
     open_ = np.maximum(1.0 / judged.precision - noise, 0.0)
     squares = np.square(error)
-    louder, beyond, bar = np.ones_like(variance), np.zeros(len(variance), bool), 1.0
+    louder, beyond = np.ones_like(variance), np.zeros(len(variance), bool)
+    bar = left = 1.0
     for i in range(ride.offsets):
         rows = ride.sensors == i
         louder[rows], usual, here = _louder(squares[rows], open_[rows], variance[rows])
         most = BEYOND**2 * usual * (louder * variance + open_)
         beyond[rows] = squares[rows] > most[rows]
         # What the model leaves open in one signal moves the offsets of the others too.
-        bar = max(bar, here)
+        bar, left = max(bar, here), max(left, min(here, MOSTLY * usual))
     own = np.where(beyond, squares - open_, 0.0)
     offsets = zip(weights.jumps.T, smoothed.offset_score.T, judged.offset_precision.T, strict=True)
-    jumps = np.stack([_jumps(*offset, BEYOND**2 * bar) for offset in offsets], axis=1)
-    return replace(weights, louder=louder, own=own, jumps=jumps)
+    judgements = [_jumps(*offset, BEYOND**2 * bar) for offset in offsets]
+    jumps, clear = (np.stack(each, axis=1) for each in zip(*judgements, strict=True))
+    # Of the new ones the clearest: what two sensors show at one place may be one's fault, or the track's.
+    new = (jumps > 0.0) & (weights.jumps == 0.0)
+    jumps[new & (clear < np.max(clear, initial=0.0, where=new))] = 0.0
+    if np.any((weights.jumps > 0.0) & (jumps == 0.0)):
+        # Samples may have seemed good only for the jump that goes.
+        own = np.where(own > 0.0, own, weights.own)
+    return replace(weights, louder=louder, own=own, jumps=jumps), left
 
 
-def _drifting(weights: Weights, smoothed: Smoothed, judged: Variances, walk: Walk) -> Weights:
-    """The weights, with the walk that each offset shows."""
-    usual = walk.rate**2
-    # A second jump of the same offset makes a walk more likely than chance.
-    known = (weights.drift > 0.0) | (np.count_nonzero(weights.jumps, axis=0) > 1)
+def _wandering(smoothed: Smoothed, judged: Variances, walk: Walk) -> Array:
+    """What each offset's walk shows, times its variance, (sensors,)."""
     score, precision = smoothed.offset_score, judged.offset_precision
-    shown = walk.duration @ np.square(score) / (walk.duration @ precision)
-    changes = (shown > np.where(known, FASTER, NOTED)) | (known & (shown < 1.0 / FASTER))
+    return walk.duration @ np.square(score) / (walk.duration @ precision)
+
+
+def _drifting(weights: Weights, shown: Array, walk: Walk, left: float) -> Weights:
+    """The weights, with the walk that each offset shows, where ``left`` is left of the samples by the model."""
+    usual = walk.rate**2
+    # A second jump of the same offset makes a walk more likely than chance, if the model explains the rest.
+    twice = (np.count_nonzero(weights.jumps, axis=0) > 1) & (left < EXPLAINED)
+    known = (weights.drift > 0.0) | twice
+    changes = (shown > np.where(known, FASTER, NOTED * left)) | (known & (shown < 1.0 / FASTER))
     bold = np.clip(shown, 1.0 / BOLDEST, BOLDEST)
     drift = np.maximum((usual + weights.drift) * bold - usual, 0.0)
     drift = np.where(changes, drift, weights.drift)
@@ -173,17 +196,22 @@ def _drifting(weights: Weights, smoothed: Smoothed, judged: Variances, walk: Wal
     return replace(weights, drift=drift, jumps=np.where(first, 0.0, weights.jumps))
 
 
-def _jumps(jumps: Array, score: Array, precision: Array, least: float) -> Array:
-    """Of one offset: those of the last round that still show, ``least`` variances large, and the clearest other."""
+def _jumps(jumps: Array, score: Array, precision: Array, least: float) -> tuple[Array, Array]:
+    """Of one offset: those of the last round that still show, and the clearest other where it is ``least`` variances
+    large; and how many each place shows.
+    """
     known = precision > LEAST_TOLD * np.max(precision, initial=0.0)
     precise = np.where(known, precision, 1.0)
     shown = np.square(score / precise)
     # As far as round-off tells what is left of 1/precision without the jump's own variance.
     without = np.maximum(1.0 / precise - jumps, LEAST_TOLD / precise)
-    far = np.where(known, shown / without, 0.0)
-    b = int(np.argmax(np.where(jumps > 0.0, 0.0, far)))
-    stay = (jumps > 0.0) | (np.arange(len(jumps)) == b)
-    return np.where(stay & (far > least), shown - without, 0.0)
+    clear = np.where(known, shown / without, 0.0)
+    b = int(np.argmax(np.where(jumps > 0.0, 0.0, clear)))
+    # One that is found does not go for being a little less clear, or jumps would take turns.
+    stay = np.where(
+        jumps > 0.0, clear > STAYS * least, (np.arange(len(jumps)) == b) & (clear > least)
+    )
+    return np.where(stay, np.maximum(shown - without, 0.0), 0.0), clear
 
 
 def _louder(squares: Array, open_: Array, variance: Array) -> tuple[Array, float, float]:
