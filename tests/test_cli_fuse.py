@@ -59,29 +59,29 @@ def dated(folder: Path) -> list[str]:
     return [f"{folder / f'{number}.nc'}={day}" for number, day in enumerate(days)]
 
 
-def test_passes_are_fused_and_what_was_found_is_said(
-    run: Run, folder: Path, tmp_path: Path
-) -> None:
-    code, said, _ = run("fuse", *dated(folder), "-o", tmp_path / "line.nc")
-    assert code == 0
-    assert said.startswith(
-        f"3 passes of 3 vehicles from {FIRST} to {LAST} make the level of {LAST}"
-    )
-    assert " m (D1, -" in said
-    written = read(tmp_path / "line.nc")
-    assert written["rate"].attrs["units"] == "m/day"
-    assert written.attrs["method"] == "fusion of 3 passes"
-
-
-def test_as_json_there_is_one_object_with_every_pass(
+def test_passes_are_fused_and_what_was_found_is_one_object(
     run: Run, folder: Path, tmp_path: Path
 ) -> None:
     code, said, _ = run("fuse", *dated(folder), "-o", tmp_path / "line.nc", "--json")
     found = json.loads(said)
     assert code == 0
+    first, *_, moves = found["summary"]
+    assert first.startswith(
+        f"3 passes of 3 vehicles from {FIRST} to {LAST} make the level of {LAST}"
+    )
+    assert " m (D1, -" in moves
     assert [one["name"] for one in found["passes"]] == ["0.nc", "1.nc", "2.nc"]
-    assert found["contradictions"] == []
-    assert found["day"] == LAST
+    assert (found["contradictions"], found["day"]) == ([], LAST)
+    written = read(tmp_path / "line.nc")
+    assert written["rate"].attrs["units"] == "m/day"
+    assert written.attrs["method"] == "fusion of 3 passes"
+
+
+def test_one_pass_is_said_to_be_alone(run: Run, folder: Path, tmp_path: Path) -> None:
+    code, said, notes = run("fuse", dated(folder)[0], "-o", tmp_path / "line.nc")
+    assert code == 0
+    assert said.startswith(f"1 pass of 1 vehicle of {FIRST} makes the level of {FIRST}")
+    assert "There is one pass: it comes back as it is, without a rate." in notes
 
 
 @pytest.mark.acceptance
