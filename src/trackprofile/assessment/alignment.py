@@ -112,7 +112,13 @@ def _at(profile: xr.Dataset, grid: Array, level: Array) -> xr.Dataset:
 
 
 def align(
-    profile: xr.Dataset, first: xr.Dataset, name: str, largest: float = LARGEST, seen: Band = SEEN
+    profile: xr.Dataset,
+    first: xr.Dataset,
+    name: str,
+    largest: float = LARGEST,
+    seen: Band = SEEN,
+    least: float = LEAST,
+    window: float = WINDOW,
 ) -> Alignment:
     """Find the lag of a profile behind the first, window by window.
 
@@ -122,6 +128,8 @@ def align(
     name : of the profile, for messages
     largest : lag that is searched to both sides [m]
     seen : wavelengths by which they are aligned; the shorter, the sharper, as far as the profiles know them
+    least : standard deviation that a window's lag has at least [m]
+    window : over which one lag is taken [m]; the shorter, the better a bend is followed, and the less a window tells
 
     Raises
     ------
@@ -136,17 +144,17 @@ def align(
             "track, with distances from the same origin."
         )
     distance, lags, deviations = [], [], []
-    count = min(round(WINDOW / spacing), grid.size)
+    count = min(round(window / spacing), grid.size)
     for start in range(0, grid.size - count + 1, count):
-        window = slice(start, start + count)
-        told = _window_lag(a, b, window, whole, spacing, round(seen.longest / spacing))
+        here = slice(start, start + count)
+        told = _window_lag(a, b, here, whole, spacing, round(seen.longest / spacing))
         if told:
             distance.append(float(grid[start : start + count].mean()))
             lags.append(told[0])
-            deviations.append(told[1])
+            deviations.append(max(told[1], least))
     if not distance:
         raise DataError(
-            f"{name}: in no window of {WINDOW:g} m does it look like the first profile; the two are of other track, "
+            f"{name}: in no window of {window:g} m does it look like the first profile; the two are of other track, "
             "or too rough to compare."
         )
     wanted = np.unique([grid[0], *distance, grid[-1]])
@@ -254,7 +262,7 @@ def _window_lag(
     shift = -float(s @ residual) / power
     scores = s * (residual + s * shift)
     variance = _long_run(scores, memory) / power**2
-    return step * spacing + shift, max(float(np.sqrt(variance)), LEAST)
+    return step * spacing + shift, float(np.sqrt(variance))
 
 
 def _long_run(scores: Array, memory: int) -> float:

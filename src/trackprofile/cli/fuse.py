@@ -12,6 +12,7 @@ import typer
 from trackprofile.cli import show
 from trackprofile.cli.assess import dated
 from trackprofile.cli.options import From, Json, To, day_of
+from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
     from trackprofile.assessment.changes import Pass
@@ -93,11 +94,17 @@ def _stored(
     entries = find(
         store, line=line, direction=direction, first=days[0], last=days[1], start=from_m, end=to_m
     )
-    return [
+    passes = [
         Pass(read_profile(store, one, from_m, to_m), one.day, one.id)
         for one in entries
         if not one.origin.method.startswith(METHOD)
     ]
+    if not passes:
+        raise DataError(
+            f"{url}: there is no pass of {line!r}, {direction!r} in these days and places; see what there is with "
+            "trackprofile store list."
+        )
+    return passes
 
 
 def _as_dict(found: Fused) -> dict[str, Any]:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from trackprofile.fusion.joint import Trust, weights
-from trackprofile.fusion.laid import Laid
+from trackprofile.fusion.laid import Laid, smooth
 from trackprofile.fusion.moving import moving
 from trackprofile.fusion.waves import ALL, INTEGRALS, LENGTHS, RANGES, WIDTH, Range
 
@@ -67,7 +68,8 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
         fit = _fitted(laid, part, days, trust, day if timed else 0.0)
         error[part.waves] = fit.error
         level += fit.standing
-        if timed:
+        # Of longer waves no pass says how well it knows them, and they differ by millimetres: they tell no rate.
+        if timed and part is not RANGES[-1]:
             width = INTEGRALS[ALL][part.waves]
             found = moving(
                 np.interp(laid.places, laid.distance, fit.rate),
@@ -75,7 +77,10 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
                 covered,
                 2 * float(WIDTH[part.waves].sum() * np.ptp(laid.distance)),
             )
-            p, q = found.probability, found.kept
+            # What is believed must not change sooner than its waves, or it makes new ones: it begins before.
+            wide = float(LENGTHS[part.waves][0] / (laid.places[1] - laid.places[0]))
+            p = smooth(maximum_filter1d(found.probability, max(1, round(3 * wide))), wide)
+            q = smooth(found.kept, wide)
             moves[number] = p
             level += laid.along(p * q) * fit.by_rate
             rate += laid.along(p * q) * fit.rate
@@ -103,7 +108,7 @@ def _fitted(laid: Laid, part: Range, days: Array, trust: Trust, day: float) -> _
         by_rate += moved
         rate += change
         by_error[row] = np.maximum(slope * one.variance[1], 1e-300)
-        error[row] = one.variance[0] - by_error[row]
+        error[row] = one.standing
         rate_error[row] = one.variance[2]
     return _Fit(standing, by_rate, rate, error, by_error, rate_error)
 

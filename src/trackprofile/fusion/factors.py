@@ -23,7 +23,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 BELIEF = 10.0
-"""Independent waves for which a pass's own word counts."""
+"""Independent waves as which it counts that a pass is as loud as is usual among them."""
 
 STRETCH, WAVES_LONG = 250.0, 8.0
 """Length of a stretch at least [m], and in its longest waves."""
@@ -63,9 +63,9 @@ class Cells:
         """Which passes speak (c, n)."""
         return self.told > 0
 
-    def of(self, active: Mask) -> Cells:
-        """Without the passes that are left out."""
-        return replace(self, told=np.where(active, self.told, 0.0))
+    def of(self, heard: Mask) -> Cells:
+        """Only of the passes that are heard, everywhere (n) or here and there (c, n)."""
+        return replace(self, told=np.where(heard, self.told, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +77,13 @@ class Factors:
     louder : λ of each pass in each wave (n, waves of the range)
     counts : independent waves behind each (n, waves of the range)
     shared : ξ of each vehicle (vehicles)
-    change : variance of the rate over the track's own (1/day²)
+    change : variance of the rate over the track's own, in each cell (c) [1/day²]
     """
 
     louder: Array
     counts: Array
     shared: Array
-    change: float
+    change: Array
 
 
 def cells(laid: Laid, part: Range) -> Cells:
@@ -132,6 +132,8 @@ def _of_wave(laid: Laid, wave: int, edges: Indices, chosen: Indices) -> tuple[Ar
 def factors(of: Cells, days: Array, vehicle: Indices, tied: Indices) -> Factors:
     """The most probable variances.
 
+    Most track stands and some moves, so that the variance of rates is that of each stretch.
+
     Parameters
     ----------
     days : about their mean (n)
@@ -139,31 +141,54 @@ def factors(of: Cells, days: Array, vehicle: Indices, tied: Indices) -> Factors:
     tied : number of the variance that each vehicle has, some sharing one; empty where there is no telling
     """
     waves, of_wave = np.unique(of.wave, return_inverse=True)
-    each = np.eye(waves.size)[of_wave].T * of.count
-    louder = np.ones((waves.size, days.size))
-    least = _NONE * np.concatenate([[1e-4], np.ones(tied.size)])
-    spread = 1e6 * least
-    groups = np.concatenate([[0], 1 + tied])
-    pooled = (groups[:, None] == groups).astype(np.float64)
+    stretch, of_stretch = np.unique(of.start, return_inverse=True)
+    each, along = (np.eye(size)[which].T * of.count for size, which in
+                   ((waves.size, of_wave), (stretch.size, of_stretch)))  # fmt: skip
+    pooled = (tied[:, None] == tied).astype(np.float64)
+    least = _NONE / max(float(np.ptp(days)), 1.0) ** 2
+    # All begin alike, or the first to grow would take what is another's.
+    begin = (
+        1.0 / max(float(np.median((of.told * of.strength[:, None])[of.there])), 1.0)
+        if of.there.any()
+        else 1.0
+    )
+    louder, shared = np.ones((waves.size, days.size)), np.full(tied.size, begin)
+    change = np.full(stretch.size, begin / max(float(np.ptp(days)), 1.0) ** 2)
     for _ in range(_ROUNDS):
-        P, H = projection(of, days, vehicle, louder[of_wave], spread)
+        P, H = projection(of, days, vehicle, louder[of_wave], change[of_stretch], shared)
         W = P @ of.product @ P
         quadratic, trace = (each @ np.einsum("cii->ci", one) for one in (W, P))
-        new = np.sqrt((quadratic * louder**2 + BELIEF) / (trace + BELIEF / louder))
-        asked, there = (
-            pooled @ np.einsum("c,ciq,cij,cjq->q", of.count, H, one, H, optimize=True)
-            for one in (W, P)
-        )
-        spread *= np.where(there > 0, np.sqrt(asked / np.where(there > 0, there, 1.0)), 0.0)
-        spread = np.maximum(spread, least)
+        usual = _usual(louder, trace > 0)
+        new = np.sqrt((quadratic * louder**2 + BELIEF * usual) / (trace + BELIEF / louder))
+        asked, there = ((H * (one @ H)).sum(axis=1) for one in (W, P))
+        change *= _grown(along @ asked[:, 0], along @ there[:, 0])
+        shared *= _grown(*(pooled @ (of.count @ one[:, 1:]) for one in (asked, there)))
+        change, shared = np.maximum(change, least), np.maximum(shared, _NONE)
         moved, louder = np.abs(np.log(new / louder)).max(initial=0.0), new
         if moved < _SETTLED:
             break
-    return Factors(louder.T, (each @ of.there).T, spread[1:], float(spread[0]))
+    return Factors(louder.T, (each @ of.there).T, shared, change[of_stretch])
+
+
+def _usual(louder: Array, told: Mask) -> Array:
+    """What is usual in each wave (waves, 1): the median of the passes, drawn to 1 by as much as one more pass would."""
+    count = told.sum(axis=1, keepdims=True)
+    ordered = np.sort(np.where(told, np.log(louder), np.inf), axis=1)
+    halves = [
+        np.take_along_axis(ordered, np.maximum(at, 0), axis=1)
+        for at in ((count - 1) // 2, count // 2)
+    ]
+    middle = np.where(count > 0, 0.5 * (halves[0] + halves[1]), 0.0)
+    return np.exp(count / (count + 1) * middle)
+
+
+def _grown(asked: Array, there: Array) -> Array:
+    """Factor by which a variance grows; 0 where nothing tells it."""
+    return np.where(there > 0, np.sqrt(asked / np.where(there > 0, there, 1.0)), 0.0)
 
 
 def projection(
-    of: Cells, days: Array, vehicle: Indices, louder: Array, spread: Array
+    of: Cells, days: Array, vehicle: Indices, louder: Array, change: Array, shared: Array
 ) -> tuple[Array, Array]:
     """P = Σ⁻¹ - Σ⁻¹ l (lᵀ Σ⁻¹ l)⁻¹ lᵀ Σ⁻¹ (c, n, n), and the columns of change and vehicles, H (c, n, 1 + vehicles).
 
@@ -172,21 +197,19 @@ def projection(
     Parameters
     ----------
     louder : λ (c, n)
-    spread : variances of change and vehicles over the track's own (1 + vehicles)
+    change, shared : variances of the rate (c) and of vehicles (vehicles), over the track's own
     """
     root = np.sqrt(of.told)
-    of_vehicle = vehicle[:, None] == np.arange(spread.size - 1)
-    columns = np.concatenate([days[:, None], of_vehicle], axis=1).astype(np.float64)
-    H = np.sqrt(of.strength)[:, None, None] * root[:, :, None] * columns * np.sqrt(spread)
+    size = np.sqrt(of.strength)[:, None] * root
+    by_time = (np.sqrt(change)[:, None] * size * days)[:, :, None]
+    by_vehicle = size[:, :, None] * np.sqrt(shared) * (vehicle[:, None] == np.arange(shared.size))
+    H = np.concatenate([by_time, by_vehicle], axis=2)
     level = root / np.maximum(root.max(axis=1, keepdims=True), 1e-300)
     every = np.concatenate([level[:, :, None], H], axis=2)
-    inverse = of.there / louder
-    J = np.swapaxes(every, 1, 2) @ (inverse[:, :, None] * every)
+    scaled = (of.there / louder)[:, :, None] * every
+    J = np.swapaxes(every, 1, 2) @ scaled
     own = np.ones(J.shape[-1])
     own[0] = 1e-12  # the level is free
     J += np.diag(own)
-    scaled = inverse[:, :, None] * every
-    P = np.eye(days.size) * inverse[:, None, :] - scaled @ np.linalg.solve(
-        J, np.swapaxes(scaled, 1, 2)
-    )
-    return P, H
+    inverse = np.eye(days.size) * (of.there / louder)[:, None, :]
+    return inverse - scaled @ np.linalg.solve(J, np.swapaxes(scaled, 1, 2)), H

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.assessment.changes import Pass
-from trackprofile.bands import BANDS, band_pass_pieces
+from trackprofile.bands import BANDS, D1, band_pass_pieces
 from trackprofile.contracts import Quality, build_profile, validated, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.fusion.combine import Combined, combine, without_each
@@ -122,9 +122,14 @@ def fuse(passes: Sequence[Pass], day: date | None = None) -> Fused:
     found, elsewhere = placed(ordered)
     laid = lay(found)
     if len(found) > 2:
-        # The lag of the middle one's own noise is in all others until each is laid on what all others say.
-        lines = without_each(laid, weigh(laid).trust)
-        pairs = [realigned(one, _line(laid, line)) for one, line in zip(found, lines, strict=True)]
+        # The lag that the noise of the middle one makes is in all others until each is laid on what all say.
+        first = weigh(laid)
+        pairs = [
+            realigned(one, _line(laid, line), float(share))
+            for one, line, share in zip(
+                found, without_each(laid, first.trust), first.share[D1.name], strict=True
+            )
+        ]
         found = tuple(one for one in pairs if isinstance(one, Placed))
         elsewhere += tuple(one for one in pairs if isinstance(one, Elsewhere))
         laid = lay(found)

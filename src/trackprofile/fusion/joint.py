@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.fusion.laid import Laid
+from trackprofile.fusion.laid import Laid, smooth
 from trackprofile.fusion.waves import LENGTHS, RANGES
 
 Array = NDArray[np.float64]
@@ -31,7 +31,8 @@ class Trust:
     Parameters
     ----------
     louder : λ, the variance of each pass's error over the stated (n, waves)
-    local : what stretches add to that as a factor, infinite where a pass is left out (n, ranges, k)
+    local : what stretches add to that as a factor (n, ranges, k)
+    used : whether a pass is not left out (n)
     shared : ξ, the variance of what passes of one vehicle share, over that of the track (vehicles, ranges)
     hidden : the same over what the passes state, where only they can tell (ranges)
     vehicle : number of each pass's vehicle (n)
@@ -39,6 +40,7 @@ class Trust:
 
     louder: Array
     local: Array
+    used: Mask
     shared: Array
     hidden: Array
     vehicle: Indices
@@ -52,13 +54,15 @@ class Weights:
     ----------
     level, rate : what a metre of each pass's estimate adds (n, k) [-], [1/day]
     held : of the reference's metre, by the prior (2, k) [-], [1/day]
-    variance : of level and rate, and their covariance (3, k) [m²/(rad/m)] and per day and day²
+    variance : of the level, its covariance with the rate, and the rate's (3, k) [m²/(rad/m)], per day, per day²
+    standing : variance of the level where the track is known to stand (k) [m²/(rad/m)]
     """
 
     level: Array
     rate: Array
     held: Array
     variance: Array
+    standing: Array
 
 
 def range_of(wave: int) -> int:
@@ -79,10 +83,12 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     """
     number = RANGE_OF[wave]
     G, S = laid.gain(wave), laid.before(wave)
-    louder = trust.louder[:, wave, None] * trust.local[:, number]
+    step = float(laid.places[1] - laid.places[0])
+    local = np.exp(smooth(np.log(trust.local[:, number]), LENGTHS[wave] / step))
+    louder = trust.louder[:, wave, None] * local
     error = louder * (laid.stated[:, wave] + G * laid.misplaced(wave))
     # Per metre of the estimate m_i, and per metre of the level itself: a_i = 1/(λ_i N_i) = G_i/(λ_i P_i).
-    told = laid.cover(wave) / error
+    told = trust.used[:, None] * laid.cover(wave) / error
     a = G * told
     known = a.sum(axis=0) > 0
     shared = _shared(laid, wave, trust)
@@ -91,9 +97,9 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     k = shared / (1.0 + shared * A)
     J = np.stack([(a.sum(axis=0) - (k * A**2).sum(axis=0)), B.sum(axis=0) - (k * A * B).sum(axis=0),
                   (days[:, None] ** 2 * a).sum(axis=0) - (k * B**2).sum(axis=0)])  # fmt: skip
-    J[0] += np.maximum(1.0 / S, _LEAST)
+    J[0] += max(1.0 / S, _LEAST)
     span = float(np.ptp(days))
-    J[2] += (max(span, 1.0) / _WIDEST) ** 2 / laid.prior[:, wave].max(axis=0)
+    J[2] += (max(span, 1.0) / _WIDEST) ** 2 / laid.prior[:, wave].max()
     determinant = J[0] * J[2] - J[1] ** 2
     C = np.stack([J[2], -J[1], J[0]]) / determinant
     # Level on the day asked for: (1, day) of (level on the mean day, rate).
@@ -103,11 +109,16 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     level = np.where(known, (row[0] * h[0] + row[1] * h[1]) * told, 0.0)
     rate = np.where(known, (C[1] * h[0] + C[2] * h[1]) * told, 0.0)
     variance = np.stack([row[0] + day * row[1], row[1], C[2]])
-    # What the prior makes all passes err alike does not average out.
     alike = laid.alike(wave)
-    variance[0] += (level * np.sqrt(alike)).sum(axis=0) ** 2
-    variance[0] -= (level**2 * np.where(np.isfinite(louder), louder, 0.0) * alike).sum(axis=0)
-    return Weights(level, rate, np.stack([row[0], C[1]]) / S, variance)
+    variance[0] += _not_averaged(level, alike, louder)
+    standing = np.where(known, h[0] * told / J[0], 0.0)
+    held = np.stack([row[0], C[1]]) / S
+    return Weights(level, rate, held, variance, 1.0 / J[0] + _not_averaged(standing, alike, louder))
+
+
+def _not_averaged(weight: Array, alike: Array, louder: Array) -> Array:
+    """What the prior makes all passes err alike does not average out: what it adds to the variance of their sum."""
+    return (weight * np.sqrt(alike)).sum(axis=0) ** 2 - (weight**2 * louder * alike).sum(axis=0)
 
 
 def _shared(laid: Laid, wave: int, trust: Trust) -> Array:

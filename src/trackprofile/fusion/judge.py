@@ -222,10 +222,10 @@ def louder_stretches(
     end = np.zeros(start.size)
     end[index] = of.end
     weight = (_weights(part, laid) * found.louder)[:, of_wave].T
-    spread = np.concatenate([[found.change], found.shared])
     louder = np.ones((days.size, start.size))
     for _ in range(_ROUNDS):
-        P, _ = projection(of, days, vehicle, found.louder.T[of_wave] * louder.T[index], spread)
+        own = found.louder.T[of_wave] * louder.T[index]
+        P, _ = projection(of, days, vehicle, own, found.change, found.shared)
         left, expected = (np.einsum("cii->ci", one) for one in (P @ of.product @ P, P))
         there = of.there & (expected > 1e-12)
         ratio = np.where(there, left / np.where(there, expected, 1.0), 0.0)

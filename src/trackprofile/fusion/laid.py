@@ -20,12 +20,12 @@ Mask = NDArray[np.bool_]
 TOGETHER = 50.0
 """m within which passes that begin or end there are taken to begin or end together."""
 
-UNDONE = 0.5
+UNDONE = 0.25
 """Share of a wave that an estimate has to hold, for the prior's part in it to be undone: else it would be blown up."""
 
 _FLAWED = Quality.UNCONVERGED | Quality.SATURATED | Quality.UNEXPLAINED
-_BARELY = 1e-3  # weight of a pass at its very end, beside one that goes on
-_INFORMED = 0.98  # share of the prior's density that a posterior's stays below
+_FAINT = 0.05  # share of a wave that is taken to be held at least
+_BEYOND = 4.0  # times the prior's density, from which what is there cannot be of it
 _FEATHER = 300.0  # m over which a pass fades in where passes are first put together
 
 
@@ -41,7 +41,7 @@ class Laid:
     level : of each pass, NaN where it says nothing (n, m) [m]
     flags : sums of `Quality` (n, m)
     stated : spectrum of each pass's error (n, waves, k) [m²/(rad/m)]
-    prior : of the track, before each pass (n, waves, k) [m²/(rad/m)]
+    prior : of the track, before each pass (n, waves) [m²/(rad/m)]
     slack : variance of each pass's place (n, k) [m²]
     inside : how far each pass goes on to both sides without a gap or flaw (n, k) [m]
     reference : a first guess of the line, NaN where no pass says anything (m) [m]
@@ -77,27 +77,32 @@ class Laid:
     def cover(self, wave: int) -> Array:
         """Share of its weight that each pass has in a wave, less where it ends sooner than others (n, k)."""
         ramp = np.sin(0.5 * np.pi * np.minimum(self.inside / LENGTHS[wave], 1.0)) ** 2
-        ramp = np.where(self.inside > 0, np.maximum(ramp, _BARELY), 0.0)
         best = ramp.max(axis=0)
         return ramp / np.where(best > 0, best, 1.0)
 
+    def undone(self, wave: int) -> bool:
+        """Whether the prior's part in the estimates is undone: where half of the passes hold enough of a wave."""
+        return float(np.median(self._held(wave).mean(axis=1))) >= UNDONE
+
     def gain(self, wave: int) -> Array:
         """Share of the wave that each pass's estimate holds, 1 - P/S (n, k) [-]; 1 where that is not undone."""
-        held = 1.0 - self.stated[:, wave] / self.prior[:, wave]
-        return np.where(held < UNDONE, 1.0, held)
+        held = self._held(wave)
+        return held if self.undone(wave) else np.ones_like(held)
 
-    def before(self, wave: int) -> Array:
-        """Density of the track before any pass (k) [m²/(rad/m)]; infinite where no pass's part of it is undone."""
-        undone = self.stated[:, wave] < (1.0 - UNDONE) * self.prior[:, wave]
-        return np.where(undone.any(axis=0), np.median(self.prior[:, wave], axis=0), np.inf)
+    def before(self, wave: int) -> float:
+        """Density of the track before any pass [m²/(rad/m)]; infinite where the passes' part of it is not undone."""
+        return float(np.median(self.prior[:, wave])) if self.undone(wave) else np.inf
 
     def alike(self, wave: int) -> Array:
         """Density of the part of each pass's error that is the prior's doing, (1 - G) P, where that is not undone.
 
         It is the same in all passes (n, k) [m²/(rad/m)].
         """
-        held = 1.0 - self.stated[:, wave] / self.prior[:, wave]
-        return np.where(held < UNDONE, 1.0 - held, 0.0) * self.stated[:, wave]
+        left = (1.0 - self._held(wave)) * self.stated[:, wave]
+        return np.zeros_like(left) if self.undone(wave) else left
+
+    def _held(self, wave: int) -> Array:
+        return np.maximum(1.0 - self.stated[:, wave] / self.prior[:, wave, None], _FAINT)
 
     def beside(self, wave: int) -> Array:
         """What each pass says beyond the reference, m_i - G_i r (n, m) [m]."""
@@ -116,11 +121,11 @@ class Laid:
 
     def strength(self, wave: int) -> Array:
         """Density of the reference in a wave, near each place (k) [m²/(rad/m)]."""
-        wide = min(round(2 * LENGTHS[wave] / self.spacing), self.distance.size)
-        square = uniform_filter1d(self.whole.wave(wave) ** 2, wide, mode="nearest")
+        square = self.whole.wave(wave) ** 2
         known = np.isfinite(self.reference).astype(np.float64)
-        share = np.maximum(uniform_filter1d(known, wide, mode="nearest"), 1e-3)
-        return np.interp(self.places, self.distance, square / share) / POWER[wave]
+        width = 2 * LENGTHS[wave] / self.spacing
+        share = np.maximum(smooth(known, width), 1e-3)
+        return np.interp(self.places, self.distance, smooth(square, width) / share) / POWER[wave]
 
     def misplaced(self, wave: int) -> Array:
         """Density of the error of places that are unsure: (dz/dx)² δ² (n, k) [m²/(rad/m)]."""
@@ -134,6 +139,14 @@ class Laid:
             cut_reference=_cut_alike(reference, np.isfinite(self.level), self.spacing),
             whole=sines(reference, self.spacing),
         )
+
+
+def smooth(values: Array, width: float) -> Array:
+    """Means along the last axis over a width in points, three times over."""
+    size = int(np.clip(round(width), 1, values.shape[-1]))
+    for _ in range(3):
+        values = uniform_filter1d(values, size, axis=-1, mode="nearest")
+    return values
 
 
 def lay(passes: Sequence[Placed]) -> Laid:
@@ -163,7 +176,7 @@ def lay(passes: Sequence[Placed]) -> Laid:
     known = np.isfinite(level)
     spacing = float(distance[1] - distance[0])
     said = [stated_by(one.of.profile, places, one.of.name) for one in passes]
-    stated = np.stack([one.error for one in said])
+    stated = np.stack([_evened(one.error, places) for one in said])
     inside = np.stack(
         [_inside(k & ((f & _FLAWED) == 0), spacing) for k, f in zip(known, flags, strict=True)]
     )
@@ -176,7 +189,7 @@ def lay(passes: Sequence[Placed]) -> Laid:
         level=level,
         flags=flags,
         stated=stated,
-        prior=np.minimum(_prior(cut, known, stated), np.stack([one.prior for one in said])),
+        prior=_prior(cut, known, np.stack([one.prior for one in said])),
         slack=np.stack([one.unsure(places) ** 2 for one in passes]),
         inside=np.stack([np.interp(places, distance, one) for one in inside]),
         reference=reference,
@@ -216,14 +229,29 @@ def _first_guess(level: Array, inside: Array, stated: Array) -> Array:
     return np.where(total > 0, mean, np.nan)
 
 
-def _prior(cut: Sequence[Sines], known: Mask, stated: Array) -> Array:
-    """Density of the track: what estimates show of it and what they leave open, of the passes the median."""
-    shown = [
-        [np.mean(one.wave(wave)[here] ** 2) for wave in range(LENGTHS.size)]
-        for one, here in zip(cut, known, strict=True)
-    ]
-    found = np.median(np.array(shown) / POWER + stated.mean(axis=2), axis=0)
-    return np.maximum(found[:, None], stated / _INFORMED)
+def _evened(density: Array, places: Array) -> Array:
+    """Each wave's density along the line, in the logarithmic mean over its length (waves, k)."""
+    step = float(places[1] - places[0])
+    return np.stack(
+        [
+            np.exp(smooth(np.log(one), length / step))
+            for one, length in zip(density, LENGTHS, strict=True)
+        ]
+    )
+
+
+def _prior(cut: Sequence[Sines], known: Mask, prior: Array) -> Array:
+    """Density of the track before each pass (n, waves); what a pass shows, where that is far beyond what it stands for.
+
+    A profile whose long waves were taken out states too little of the whole.
+    """
+    shown = np.array(
+        [
+            [np.mean(one.wave(wave)[here] ** 2) for wave in range(LENGTHS.size)]
+            for one, here in zip(cut, known, strict=True)
+        ]
+    )
+    return np.where(shown / POWER > _BEYOND * prior, shown / POWER, prior)
 
 
 def _cut_alike(reference: Array, known: Mask, spacing: float) -> tuple[Sines, ...]:

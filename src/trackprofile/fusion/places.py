@@ -32,8 +32,11 @@ FARTHEST = 100.0
 FAR = 30.0
 """Lag beyond which a pass's distances are said to be off [m]."""
 
-WINDOW = 400.0
-"""Over which passes are followed at first [m]."""
+SHARPEST = 1e-4
+"""Standard deviation at least of a lag that a window tells [m]."""
+
+WINDOW, FINE = 400.0, 150.0
+"""Over which passes are followed at first, and one lag is taken at last [m]."""
 
 SCALE = 0.01
 """Share of the distance by which odometers may differ."""
@@ -103,12 +106,19 @@ def placed(passes: Sequence[Pass]) -> tuple[tuple[Placed, ...], tuple[Elsewhere,
     )
 
 
-def realigned(one: Placed, others: xr.Dataset) -> Placed | Elsewhere:
-    """A pass on the place that all others together give it."""
+def realigned(one: Placed, others: xr.Dataset, share: float = 0.0) -> Placed | Elsewhere:
+    """A pass on the place that all passes together give it.
+
+    Parameters
+    ----------
+    others : the line as all others have it
+    share : of the line that rests on the pass itself: the others meet it so far
+    """
     try:
-        found = align(one.of.profile, others, one.of.name, DRIFT, D1)
+        found = align(one.of.profile, others, one.of.name, DRIFT, D1, SHARPEST, FINE)
     except DataError:
         return Elsewhere(one.of, turned=False)
+    found = Alignment(found.distance, (1 - share) * found.lag, (1 - share) * found.deviation)
     lag = one.lag + _lag(one.of, found)
     return Placed(_moved(one.of, found), lag, found.distance, found.deviation)
 
@@ -199,14 +209,14 @@ def _likeliest_path(likeness: Array, step: int) -> NDArray[np.intp]:
 
 
 def _simplest(distance: Array, lag: Array, sure: Mask) -> Alignment:
-    """Straight lines through the lags, as few as come within half of what `align` finds, the outer ones going on."""
+    """Straight lines through the lags, as few as come within a quarter of what `align` finds, going on at the ends."""
     distance, lag = distance[sure], lag[sure]
     knots, at_knots = distance[:1], lag[:1]
     for pieces in range(1, distance.size):
         knots = np.linspace(distance[0], distance[-1], pieces + 1)
         hats = np.stack([np.interp(distance, knots, one) for one in np.eye(pieces + 1)], axis=1)
         at_knots = np.asarray(np.linalg.lstsq(hats, lag, rcond=None)[0], np.float64)
-        if np.abs(hats @ at_knots - lag).max() < 0.5 * DRIFT:
+        if np.abs(hats @ at_knots - lag).max() < 0.25 * DRIFT:
             break
     if knots.size == 1:
         return Alignment(knots, at_knots, np.zeros(1))

@@ -60,11 +60,15 @@ def vehicles_of(laid: Laid) -> Vehicles:
 
 
 def shared_by(vehicles: Vehicles, found: Sequence[Factors]) -> Array:
-    """Variance of what passes of each vehicle share, over that of the track (vehicles, ranges)."""
+    """Variance of what passes of each vehicle share, over that of the track (vehicles, ranges).
+
+    What lies beyond the bands goes with the nearest.
+    """
     shared = np.zeros((len(vehicles.names), len(RANGES)))
     for number, each in enumerate(found):
         if each.shared.size:
             shared[:, number] = each.shared
+    shared[:, 0], shared[:, -1] = shared[:, 1], shared[:, -2]
     return shared
 
 

@@ -35,8 +35,8 @@ STEP = 5.0
 LEAST = 1e-9
 """Standard deviation at least [m]: of a profile that is taken to be exact."""
 
-KNEE = 0.0206
-"""Beyond which the usual priors are flat [rad/m]: as in all spectra of FRA's form (theory, section 7)."""
+KNEES = (0.0206, 0.825)
+"""Where the usual priors turn from flat to Ω^-2, and to Ω^-4 [rad/m] (theory, section 7)."""
 
 _FLATTEST, _USUAL, _STEEPEST = (
     2.0,
@@ -44,6 +44,7 @@ _FLATTEST, _USUAL, _STEEPEST = (
     6.0,
 )  # of S ∝ Ω^-p; an accelerometer's white noise, integrated twice
 _ROUNDS, _SETTLED = 60, 1e-6  # until the spectrum holds the stated variances
+_OWN = 0.05  # share of an even spectrum that a band's own waves have at least
 _LEFT = 1e-3  # share of the whole variance that longer waves have at least
 
 
@@ -224,7 +225,7 @@ class Stated:
     Parameters
     ----------
     error : of its error (waves, k) [m²/(rad/m)]
-    prior : of the track before the pass, as far as the error tells it: beyond the bands (waves, k); infinite in them
+    prior : of the track before the pass, as it was taken to be (waves) [m²/(rad/m)]
     """
 
     error: Array
@@ -234,8 +235,8 @@ class Stated:
 def stated_by(profile: xr.Dataset, places: Array, name: str) -> Stated:
     """The spectrum of a profile's error along the line.
 
-    1/P = 1/N + 1/S: in the bands the noise N runs straight between the bands, in logarithms; beyond them it goes on so,
-    and the prior S, flat beyond `KNEE`, is as high as the standard deviation of the whole asks for.
+    1/P = 1/N + 1/S: the noise N runs straight between the bands, in logarithms, and goes on so beyond them; the prior S
+    has the form of FRA's spectra, and is as high as the standard deviation of the whole asks for.
 
     Parameters
     ----------
@@ -287,13 +288,14 @@ def _fitted(bands: Mapping[str, Array], everything: Array) -> Stated:
     longest = max(band.longest for band in BANDS if band.name in bands)
     beyond = longest < LENGTHS
     noise = np.log(target / weight.sum(axis=1)[:, None])
-    top = noise[-1] + 4.0
-    shape = np.where(beyond, 1.0 / (1.0 + (OMEGA / KNEE) ** 2), np.inf)[:, None]
+    least, top = noise + np.log(_OWN), noise[-1] + 4.0
+    shape = 1.0 / ((1.0 + (OMEGA / KNEES[0]) ** 2) * (1.0 + (OMEGA / KNEES[1]) ** 2))[:, None]
     prior = density = np.empty(0)
     for _ in range(_ROUNDS):
         prior = np.exp(top) * shape
         density = 1.0 / (np.exp(-_straight(middles, noise)) + 1.0 / prior)
-        noise += np.log(target / (weight @ density))
+        # Near ends a band's error is that of longer waves, which its filter lets through.
+        noise = np.maximum(noise + np.log(target / (weight @ density)), least)
         parts = INTEGRALS[ALL][:, None] * density
         rest = parts[beyond].sum(axis=0)
         wanted = everything - parts[~beyond].sum(axis=0)
@@ -301,7 +303,7 @@ def _fitted(bands: Mapping[str, Array], everything: Array) -> Stated:
         top += more
         if np.abs(more).max(initial=0.0) < _SETTLED:
             break
-    return Stated(density, prior)
+    return Stated(density, np.median(prior, axis=1))
 
 
 def _straight(anchors: Array, heights: Array) -> Array:

@@ -36,6 +36,11 @@ FEWEST = 3
 TELLING = 1.5
 """Standard deviations of the passes' scatter, over the stated, from which it is said."""
 
+_HERE_AND_THERE = (
+    1 / 3
+)  # of a pass, on which it may contradict the others without doing so as a whole
+_ROUNDS = 4  # in which stretches are taken out
+
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
@@ -69,9 +74,7 @@ def weigh(laid: Laid) -> Weighed:
     active, said = np.ones(days.size, bool), dict[int, Contradiction]()
     times = {part.name: np.ones(days.size) for part in JUDGED}
     while True:
-        found = [
-            factors(each.of(active), days, vehicles.number, vehicles.tied(active)) for each in every
-        ]
+        found, apart = _fitted(laid, every, days, vehicles, active)
         for part in JUDGED:
             over = louder_in(part, laid, found[RANGES.index(part)].louder)
             times[part.name] = np.where(active, np.sqrt(over), times[part.name])
@@ -82,8 +85,8 @@ def weigh(laid: Laid) -> Weighed:
         i, bands = worst
         said[i] = _contradiction(laid, trust, i, bands, _ends(laid, i))
         active[i] = said[i].used
-    local, places = _stretch_by_stretch(laid, every, found, days, vehicles, active, trust)
-    trust = replace(trust, local=trust.local * local)
+    local, places = _stretch_by_stretch(laid, apart, trust)
+    trust = replace(trust, local=local)
     notes = (
         *_on_scatter(times, active),
         *notes_on(vehicles, laid, found, active, trust.hidden),
@@ -92,11 +95,46 @@ def weigh(laid: Laid) -> Weighed:
     return Weighed(days, active, trust, times, shares, (*said.values(), *places), notes)
 
 
+def _fitted(
+    laid: Laid, every: Sequence[Cells], days: Array, vehicles: Vehicles, active: Mask
+) -> tuple[list[Factors], dict[int, Stretches]]:
+    """The variances, and by range where passes are louder still.
+
+    A stretch where a pass contradicts the others says nothing of the rest of it, unless it does so all along.
+    """
+    told = [np.broadcast_to(active, each.there.shape) for each in every]
+    found, apart = list[Factors](), dict[int, Stretches]()
+    tied = vehicles.tied(active)
+    for round_ in range(_ROUNDS):
+        found = [
+            # Of waves beyond the bands no pass says how well it knows them: they show no vehicle.
+            factors(each.of(here), days, vehicles.number, tied if part in JUDGED else tied[:0])
+            for part, each, here in zip(RANGES, every, told, strict=True)
+        ]
+        settled = True
+        for part in JUDGED if active.sum() >= FEWEST else ():
+            number = RANGES.index(part)
+            of, one = every[number].of(active), found[number]
+            if round_ == 0:
+                # What a pass has in a few stretches is in its variance still, and would hide them.
+                usual = np.median(one.louder[active], axis=0)
+                one = replace(one, louder=np.minimum(one.louder, usual))
+            apart[number] = louder_stretches(of, part, laid, days, vehicles.number, one)
+            beyond = apart[number].louder > 1
+            beyond &= beyond.mean(axis=1, keepdims=True) < _HERE_AND_THERE
+            left = active & ~beyond.T[np.searchsorted(apart[number].start, of.start)]
+            settled &= bool((left == told[number]).all()) and round_ > 0
+            told[number] = left
+        if settled:
+            break
+    return found, apart
+
+
 def _trust(laid: Laid, found: Sequence[Factors], active: Mask, vehicles: Vehicles) -> Trust:
-    left_out = np.where(active, 1.0, np.inf)[:, None, None]
     return Trust(
         louder=np.concatenate([each.louder for each in found], axis=1),
-        local=np.broadcast_to(left_out, (active.size, len(RANGES), laid.places.size)),
+        local=np.ones((active.size, len(RANGES), laid.places.size)),
+        used=active,
         shared=shared_by(vehicles, found),
         hidden=hidden_by(vehicles, laid, found, active),
         vehicle=vehicles.number,
@@ -133,22 +171,16 @@ def _contradiction(
 
 
 def _stretch_by_stretch(
-    laid: Laid, every: Sequence[Cells], found: Sequence[Factors], days: Array, vehicles: Vehicles,
-    active: Mask, trust: Trust,
-) -> tuple[Array, list[Contradiction]]:  # fmt: skip
+    laid: Laid, apart: Mapping[int, Stretches], trust: Trust
+) -> tuple[Array, list[Contradiction]]:
     """How much louder passes are on stretches where they contradict the others (n, ranges, k), and where that is."""
     local, said = np.ones(trust.local.shape), list[Contradiction]()
-    if active.sum() < FEWEST:
-        return local, said
-    for part in JUDGED:
-        number = RANGES.index(part)
-        of = every[number].of(active)
-        judged = louder_stretches(of, part, laid, days, vehicles.number, found[number])
+    for number, judged in apart.items():
         for i in np.flatnonzero((judged.louder > 1).any(axis=1)):
             local[i, number] = _faded(judged, judged.louder[i], laid.places)
             for run in runs(judged.louder[i] > 1):
                 ends = float(judged.start[run.start]), float(judged.end[run.stop - 1])
-                times = {part.name: float(np.sqrt(judged.louder[i, run].max()))}
+                times = {RANGES[number].name: float(np.sqrt(judged.louder[i, run].max()))}
                 one = _contradiction(laid, trust, int(i), times, ends)
                 said.append(replace(one, used=True))
     # What lies beyond the bands goes with the nearest.

@@ -21,10 +21,11 @@ def summary(found: Fused) -> list[str]:
     distance = found.profile["distance"].to_numpy()
     vehicles = len({one.vehicle for one in found.members})
     days = sorted(one.day for one in found.members)
-    passes = "1 pass" if len(days) == 1 else f"{len(days)} passes"
+    made = "1 pass" if len(days) == 1 else f"{len(days)} passes"
     span = f"of {days[0]}" if days[0] == days[-1] else f"from {days[0]} to {days[-1]}"
     return [
-        f"{passes} of {vehicles} {'vehicle' if vehicles == 1 else 'vehicles'} {span} make the level of {found.day}, "
+        f"{made} of {vehicles} {'vehicle' if vehicles == 1 else 'vehicles'} {span} "
+        f"{'makes' if len(days) == 1 else 'make'} the level of {found.day}, "
         f"{round(distance[0])} m to {round(distance[-1])} m.",
         *_certainty(found),
         *_moves(found.moving, len(set(days)) > 1),
