@@ -11,6 +11,9 @@ import numpy as np
 
 from trackprofile.inference.bay_kernels import compiled
 
+AT_ONCE = 8
+"""Samples in one product of matrices: so small that no library spreads it over threads."""
+
 
 @compiled
 def covariances(
@@ -25,6 +28,7 @@ def covariances(
     size, n, walking = P.shape[0], F_all.shape[1], walk_all.shape[1]
     ring = size - n
     moved, p = np.empty((n, size)), np.empty(size)
+    scaled = np.empty((AT_ONCE, size))
     for b in range(F_all.shape[0]):
         if b > 0:
             _enter(P, a1, a2, innovation, n, ring, newest + b)
@@ -39,11 +43,11 @@ def covariances(
             S[m] = variance[m] + _dot_row(p, row, slots, n)
             for i in range(size):
                 gains[m, i] = p[i] / S[m]
-        for i in range(size):
-            for m in range(low, high):
-                factor = S[m] * gains[m, i]
-                for j in range(size):
-                    P[i, j] -= factor * gains[m, j]
+        for first in range(low, high, AT_ONCE):
+            last = min(first + AT_ONCE, high)
+            for m in range(first, last):
+                scaled[m - first] = S[m] * gains[m]
+            P -= np.dot(scaled[: last - first].T, gains[first:last])
         _move_covariance(P, F_all[b], G_all[b], slots, moved)
         for a in range(Q_all.shape[1]):
             for c in range(n):
@@ -105,16 +109,11 @@ def _dot_row(vector, row, slots, n):  # pragma: no cover
 def _move_covariance(P, F, G, slots, moved):  # pragma: no cover
     """P ← T P Tᵀ with T = [F G; 0 I]."""
     size, n, columns = P.shape[0], F.shape[0], G.shape[1]
-    for a in range(n):
-        moved[a, :] = 0.0
-        for c in range(n):
-            if F[a, c] != 0.0:
-                for j in range(size):
-                    moved[a, j] += F[a, c] * P[c, j]
-        for c in range(columns):
-            if G[a, c] != 0.0:
-                for j in range(size):
-                    moved[a, j] += G[a, c] * P[slots[c], j]
+    np.dot(F, P[:n], moved)
+    entered = np.empty((columns, size))
+    for c in range(columns):
+        entered[c] = P[slots[c]]
+    moved += np.dot(G, entered)
     for a in range(n):
         for c in range(a + 1):
             value = 0.0
@@ -275,32 +274,25 @@ def _pull_back(L, F, G, slots, W, V):  # pragma: no cover
     n, columns, size = F.shape[0], G.shape[1], L.shape[0]
     W[:, :] = L[:n]
     V[:, :] = L[:n]
+    half, through = np.empty(size), np.empty((columns, size))
     for a in range(n):
         V[a, :n] = 0.0
+        half[:columns] = 0.0
         for k in range(n):
-            if L[a, k] != 0.0:
-                for c in range(columns):
-                    W[a, slots[c]] += L[a, k] * G[k, c]
-                    V[a, slots[c]] += 0.5 * L[a, k] * G[k, c]
-    half = np.empty(size)
+            for c in range(columns):
+                half[c] += L[a, k] * G[k, c]
+        for c in range(columns):
+            W[a, slots[c]] += half[c]
+            V[a, slots[c]] += 0.5 * half[c]
+    np.dot(G.T, V, through)
     for c in range(columns):
-        half[:] = 0.0
-        for k in range(n):
-            for j in range(n, size):
-                half[j] += G[k, c] * V[k, j]
-        slot = slots[c]
         for j in range(n, size):
-            L[slot, j] += half[j]
-        for j in range(n, size):
-            L[j, slot] += half[j]
+            L[slots[c], j] += through[c, j]
+    for j in range(n, size):
+        for c in range(columns):
+            L[j, slots[c]] += through[c, j]
     # W = [Λ_xx, Λ_xx G + Λ_xc]; its rows and its first n columns still pass through F.
-    for a in range(n):
-        L[a, :] = 0.0
-    for k in range(n):
-        for a in range(n):
-            if F[k, a] != 0.0:
-                for j in range(size):
-                    L[a, j] += F[k, a] * W[k, j]
+    L[:n] = np.dot(F.T, W)
     for a in range(n):
         for c in range(n):
             value = 0.0
@@ -319,12 +311,9 @@ def _unmeasure(L, rows, slots, n, gains, S, low, high, g, precision):  # pragma:
     Each sample adds -(h gᵀ + g hᵀ) with u = Λ K and g = u - (Kᵀ u + 1/S) h / 2; they are gathered, then added.
     """
     size, width = L.shape[0], rows.shape[1]
-    for i in range(size):
-        for k in range(low, high):
-            dot = 0.0
-            for j in range(size):
-                dot += L[i, j] * gains[k, j]
-            g[k - low, i] = dot
+    for first in range(low, high, AT_ONCE):
+        last = min(first + AT_ONCE, high)
+        np.dot(gains[first:last], L, g[first - low : last - low])
     for k in range(high - 1, low - 1, -1):
         u = g[k - low]
         for later in range(high - 1, k, -1):
@@ -341,15 +330,14 @@ def _unmeasure(L, rows, slots, n, gains, S, low, high, g, precision):  # pragma:
         precision[k] = kappa
         for c in range(width):
             u[c if c < n else slots[c - n]] -= 0.5 * kappa * rows[k, c]
-    total = np.empty(size)
+    total = np.zeros((width, size))
+    for first in range(low, high, AT_ONCE):
+        last = min(first + AT_ONCE, high)
+        total += np.dot(rows[first:last].T, g[first - low : last - low])
     for c in range(width):
         index = c if c < n else slots[c - n]
-        total[:] = 0.0
-        for k in range(low, high):
-            if rows[k, c] != 0.0:
-                for j in range(size):
-                    total[j] += rows[k, c] * g[k - low, j]
         for j in range(size):
-            L[index, j] -= total[j]
-        for j in range(size):
-            L[j, index] -= total[j]
+            L[index, j] -= total[c, j]
+    for j in range(size):
+        for c in range(width):
+            L[j, c if c < n else slots[c - n]] -= total[c, j]
