@@ -7,6 +7,7 @@ import random
 import resource
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, MutableMapping
 from pathlib import Path
 
@@ -225,6 +226,22 @@ def test_killed_at_twenty_random_moments_nothing_is_lost_and_nothing_different(
     assert left == sorted(["run.nc", *(stem + end for stem in ("killed", "whole") for end in ends)])
 
 
+def resident(pid: int) -> float:
+    """GB of a process; the most it ever had says what it was forked from too."""
+    try:
+        pages = Path(f"/proc/{pid}/statm").read_text().split()[1]
+    except OSError:  # it has ended
+        return 0.0
+    return int(pages) * resource.getpagesize() / 1e9
+
+
+def children(pid: int) -> list[int]:
+    try:
+        return list(map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()))
+    except OSError:
+        return []
+
+
 @pytest.mark.acceptance
 def test_500_km_within_two_gigabytes_and_twenty_times_faster_than_the_train(tmp_path: Path) -> None:
     length = 500_000.0
@@ -235,15 +252,19 @@ def test_500_km_within_two_gigabytes_and_twenty_times_faster_than_the_train(tmp_
         ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
     )
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(
+    process = subprocess.Popen(
         ["taskset", "-c", "0", *command(tmp_path, "p.nc")],
         cwd=tmp_path,
-        check=True,
         env=os.environ | one_thread,
     )
+    memory = 0.0
+    while process.poll() is None:
+        memory = max(memory, sum(map(resident, [process.pid, *children(process.pid)])))
+        time.sleep(0.1)
+    assert process.returncode == 0
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    faster, memory = length / SPEED / seconds, after.ru_maxrss / 1e6
+    faster = length / SPEED / seconds
     found = compare(read(tmp_path / "p.nc"), truth, from_m=500.0, to_m=length - 500.0)
     lines = [f"{seconds:.0f} s, {faster:.1f} times faster than the train, {memory:.2f} GB"]
     lines += [

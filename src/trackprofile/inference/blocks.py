@@ -40,8 +40,8 @@ from trackprofile.track import Track
 
 Array = NDArray[np.float64]
 
-LENGTH = 8000.0
-"""m of a block: some 0.8 GB."""
+LENGTH = 6000.0
+"""m of a block: some 0.6 GB."""
 
 DRAWN = 512e3
 """m of track in all draws of the error, behind the uncertainty of the bands."""
@@ -116,8 +116,8 @@ def cut(distance: Array) -> list[Block]:
 
     Examples
     --------
-    >>> [(one.begin, one.end, one.own) for one in cut(np.arange(0.0, 16001.0))]
-    [(0.0, 8200.0, slice(0, 8000, None)), (7800.0, 16000.0, slice(8000, 16001, None))]
+    >>> [(one.begin, one.end, one.own) for one in cut(np.arange(0.0, 12001.0))]
+    [(0.0, 6200.0, slice(0, 6000, None)), (5800.0, 12000.0, slice(6000, 12001, None))]
     """
     run = distance[-1] - distance[0]
     count = max(1, round(run / LENGTH))

@@ -35,6 +35,9 @@ SLOWEST = 5e6
 MOST_MEMORY = 1 << 30
 """Bytes beyond what the libraries take, and twice the file's size."""
 
+LARGE = 1 << 26
+"""Bytes of a file after which the process is ended, so that its memory is free."""
+
 _AT_ONCE = 1 << 20
 """Bytes that are taken from a pipe in one go."""
 
@@ -85,6 +88,8 @@ def _asked(
                 break
             if words := answer.get("refused"):
                 raise DataError(words) if answer["of_data"] else FileError(words)
+            if path.stat().st_size > LARGE:
+                _end(worker)
             return answer, columns
     raise FileError(
         f"{path}: damaged so that it cannot be read to its end; copy or export it again."
