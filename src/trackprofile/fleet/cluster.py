@@ -56,7 +56,7 @@ def local(workers: int | None, memory: str, retries: int) -> Iterator[Client]:
         with _deaf_to_ctrl_c():
             cluster = LocalCluster(
                 n_workers=workers or _cores(), threads_per_worker=1, processes=True, memory_limit=size,
-                host="127.0.0.1", dashboard_address="", silence_logs=logging.CRITICAL,
+                host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL,
             )  # fmt: skip
         with cluster, Client(cluster, timeout=ANSWER) as client:
             yield client
