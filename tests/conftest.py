@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from trackprofile.cli import main
+
 # How fast examples are drawn says how busy the machine is, and nothing of the code.
 settings.register_profile(
     "same every time",
@@ -16,6 +18,9 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("same every time")
+
+Run = Callable[..., tuple[int, str, str]]
+"""Runs the command: exit code, standard output, standard error."""
 
 SHARED = Path(__file__).parents[2] / "shared"
 
@@ -43,3 +48,21 @@ def dated_store(tmp_path_factory: pytest.TempPathFactory):
     store = create(str(tmp_path_factory.mktemp("dated") / "store"))
     fill(store)
     return store
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs the command in this process."""
+
+    def command(*arguments: str | Path) -> tuple[int, str, str]:
+        try:
+            main([str(one) for one in arguments])
+        except SystemExit as exit_:
+            code = exit_.code
+        else:
+            code = 0
+        captured = capsys.readouterr()
+        assert isinstance(code, int)
+        return code, captured.out, captured.err
+
+    return command

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from conftest import Run
 from trackprofile import __version__, read, write
-from trackprofile.cli import main
 from trackprofile.demo import simulated
 from trackprofile.io.model_toml import (
     read_sensors,
@@ -22,26 +22,6 @@ from trackprofile.io.model_toml import (
     write_vehicle,
 )
 from trackprofile.vehicle import parameter_values, with_parameters
-
-Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs the command: exit code, standard output, standard error."""
-
-    def command(*arguments: str | Path) -> tuple[int, str, str]:
-        try:
-            main([str(one) for one in arguments])
-        except SystemExit as exit_:
-            code = exit_.code
-        else:
-            code = 0
-        captured = capsys.readouterr()
-        assert isinstance(code, int)
-        return code, captured.out, captured.err
-
-    return command
 
 
 @pytest.fixture(scope="module")

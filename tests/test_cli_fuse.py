@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
 
@@ -11,34 +10,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from conftest import Run
 from passing_trains import FIRST, Line, Train, fleet, passing
 from trackprofile import read, write
 from trackprofile.bands import resample
-from trackprofile.cli import main
 from trackprofile.contracts import build_profile
 
-Run = Callable[..., tuple[int, str, str]]
 LINE = Line(length=500.0, seed=5, settled=0.002, at=250.0)
 LAST = (FIRST + timedelta(days=30)).isoformat()
 STORED = ("--line", "Main", "--direction", "up")
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs the command: exit code, standard output, standard error."""
-
-    def command(*arguments: str | Path) -> tuple[int, str, str]:
-        try:
-            main([str(one) for one in arguments])
-        except SystemExit as exit_:
-            code = exit_.code
-        else:
-            code = 0
-        captured = capsys.readouterr()
-        assert isinstance(code, int)
-        return code, captured.out, captured.err
-
-    return command
 
 
 @pytest.fixture(scope="module")

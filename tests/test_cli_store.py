@@ -4,37 +4,23 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from conftest import Run
 from network import Network
 from trackprofile import read, write
 from trackprofile import store as stores
-from trackprofile.cli import main
 from trackprofile.contracts import fingerprint
 
-Run = Callable[..., tuple[int, str, str]]
 PASS = ("--line", "Main / North", "--direction", "up", "--day", "2026-05-31", "--speed", "140 km/h")
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
-    """Runs the command: exit code, standard output, standard error."""
-
-    def command(*arguments: str | Path) -> tuple[int, str, str]:
-        try:
-            main(["store", *map(str, arguments)])
-        except SystemExit as exit_:
-            code = exit_.code
-        else:
-            code = 0
-        captured = capsys.readouterr()
-        assert isinstance(code, int)
-        return code, captured.out, captured.err
-
-    return command
+def run(run: Run) -> Run:
+    """Runs `trackprofile store`."""
+    return lambda *arguments: run("store", *arguments)
 
 
 @pytest.fixture(scope="module")

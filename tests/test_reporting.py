@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from conftest import Run
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.tables import geojson, tables
 from trackprofile.bands import BANDS, D1, D2
-from trackprofile.cli import main
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import FileError
 from trackprofile.io import write
@@ -170,17 +170,7 @@ def test_page_draws_in_a_real_browser_without_an_error(found, tmp_path: Path) ->
     assert "km 38.450 to 38.250, 200 m" in drawn
 
 
-def run(arguments: list[str], capsys) -> tuple[int, str, str]:
-    try:
-        main(arguments)
-        code = 0
-    except SystemExit as end:
-        code = int(end.code or 0)
-    out, err = capsys.readouterr()
-    return code, out, err
-
-
-def test_assess_command_prints_words_and_writes_tables(profile, tmp_path: Path, capsys) -> None:
+def test_assess_command_prints_words_and_writes_tables(profile, tmp_path: Path, run: Run) -> None:
     write(profile, tmp_path / "p.nc")
     way = tmp_path / "way.csv"
     way.write_text(
@@ -188,10 +178,9 @@ def test_assess_command_prints_words_and_writes_tables(profile, tmp_path: Path, 
     )
     outputs = [tmp_path / name for name in ("a.csv", "a.parquet", "a.geojson")]
     code, out, err = run(
-        ["assess", str(tmp_path / "p.nc"), "--speed", "140 km/h", "--way", str(way)]
-        + [word for path in outputs for word in ("-o", str(path))],
-        capsys,
-    )
+        "assess", tmp_path / "p.nc", "--speed", "140 km/h", "--way", way,
+        *(word for path in outputs for word in ("-o", path)),
+    )  # fmt: skip
     assert code == 0
     assert "1 place calls for immediate action: km 38.350" in out
     assert "not verified" in err
@@ -204,16 +193,16 @@ def test_assess_command_prints_words_and_writes_tables(profile, tmp_path: Path, 
     ]
 
 
-def test_assess_as_json_is_one_object(profile, tmp_path: Path, capsys) -> None:
+def test_assess_as_json_is_one_object(profile, tmp_path: Path, run: Run) -> None:
     write(profile, tmp_path / "p.nc")
-    code, out, _ = run(["assess", str(tmp_path / "p.nc"), "--speed", "140 km/h", "--json"], capsys)
+    code, out, _ = run("assess", tmp_path / "p.nc", "--speed", "140 km/h", "--json")
     made = json.loads(out)
     assert code == 0
     assert made["filter"].startswith("4th-order Butterworth, zero phase")
     assert max(made["defects"][f"probability_{Action.IMMEDIATE_ACTION.name.lower()}"]) > 0.9
 
 
-def test_report_and_changes_commands(profile, tmp_path: Path, capsys) -> None:
+def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
     before, after = tmp_path / "may.nc", tmp_path / "june.nc"
     write(profile, before)
     later = profile.copy()
@@ -222,27 +211,16 @@ def test_report_and_changes_commands(profile, tmp_path: Path, capsys) -> None:
     write(later, after)
     page = tmp_path / "r.html"
     code, out, _ = run(
-        [
-            "report", str(after), "--speed", "140 km/h", "--earlier", f"{before}=2026-05-03",
-            "--day", "2026-06-02", "--beside", str(before), "-o", str(page),
-        ],
-        capsys,
+        "report", after, "--speed", "140 km/h", "--earlier", f"{before}=2026-05-03",
+        "--day", "2026-06-02", "--beside", before, "-o", page,
     )  # fmt: skip
     assert code == 0
     text = page.read_text(encoding="utf-8")
     assert "changed from 2026-05-03 (may.nc) to 2026-06-02 (june.nc): km 2.000 (D1" in text
     code, out, _ = run(
-        [
-            "changes",
-            f"{before}=2026-05-03",
-            f"{after}=2026-06-02",
-            "--speed",
-            "140 km/h",
-            "-o",
-            str(tmp_path / "c.csv"),
-        ],
-        capsys,
-    )
+        "changes", f"{before}=2026-05-03", f"{after}=2026-06-02", "--speed", "140 km/h",
+        "-o", tmp_path / "c.csv",
+    )  # fmt: skip
     assert code == 0
     assert "km 2.000 (D1" in out
     assert "mm in 30 days" in out
@@ -265,11 +243,11 @@ def test_report_and_changes_commands(profile, tmp_path: Path, capsys) -> None:
     ],
 )  # fmt: skip
 def test_wrong_use_is_one_sentence_and_nothing_is_written(
-    arguments: list[str], message: str, tmp_path: Path, capsys, monkeypatch
+    arguments: list[str], message: str, tmp_path: Path, run: Run, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write(profile_of(400.0, gap=False), tmp_path / "p.nc")
-    code, out, err = run([one.replace("P", "p.nc") for one in arguments], capsys)
+    code, out, err = run(*(one.replace("P", "p.nc") for one in arguments))
     assert code == 1
     assert message in err
     assert err.startswith("trackprofile: ")
@@ -278,13 +256,13 @@ def test_wrong_use_is_one_sentence_and_nothing_is_written(
     assert out == ""
 
 
-def test_profile_shorter_than_a_band_is_judged_in_the_others(tmp_path: Path, capsys) -> None:
+def test_profile_shorter_than_a_band_is_judged_in_the_others(tmp_path: Path, run: Run) -> None:
     write(profile_of(60.0, gap=False), tmp_path / "p.nc")
-    code, _out, err = run(["assess", str(tmp_path / "p.nc"), "--speed", "140 km/h"], capsys)
+    code, _out, err = run("assess", tmp_path / "p.nc", "--speed", "140 km/h")
     assert code == 0
     assert D2.name in err
     assert "it is not assessed" in err
     write(profile_of(20.0, gap=False), tmp_path / "q.nc")
-    code, _, err = run(["assess", str(tmp_path / "q.nc"), "--speed", "140 km/h"], capsys)
+    code, _, err = run("assess", tmp_path / "q.nc", "--speed", "140 km/h")
     assert code == 1
     assert "No band can be assessed" in err
