@@ -13,8 +13,10 @@ import xarray as xr
 from conftest import Run
 from passing_trains import FIRST, Line, Train, fleet, passing
 from trackprofile import read, write
+from trackprofile.assessment.changes import Pass
 from trackprofile.bands import resample
 from trackprofile.contracts import build_profile
+from trackprofile.fusion.fuse import fuse
 
 LINE = Line(length=500.0, seed=5, settled=0.002, at=250.0)
 LAST = (FIRST + timedelta(days=30)).isoformat()
@@ -88,6 +90,27 @@ def test_passes_out_of_a_store_make_the_same_and_what_was_fused_is_no_pass(
     assert code == 0, said
     assert run("fuse", *to, "-o", tmp_path / "twice.nc")[0] == 0
     xr.testing.assert_equal(once, read(tmp_path / "twice.nc"))
+
+
+@pytest.mark.parametrize("name", ["line.nc", "line.csv", "line.parquet"])
+def test_a_line_keeps_its_rate_in_every_format_and_is_no_pass(
+    run: Run, folder: Path, tmp_path: Path, name: str
+) -> None:
+    given = [read(folder / f"{number}.nc") for number in range(3)]
+    days = [FIRST + timedelta(days=15 * number) for number in range(3)]
+    passes = [Pass(one, day, str(day)) for one, day in zip(given, days, strict=True)]
+    made = fuse(passes).profile
+    line = tmp_path / name
+    write(made, line)
+    xr.testing.assert_equal(read(line), made)
+    assert read(line).attrs["method"].startswith("fusion of")
+    to = ("--store", tmp_path / "S", *STORED, "--day", LAST, "--speed", "140 km/h", "--run", "1")
+    code, _, said = run("store", "add", line, *to)
+    assert code == 1
+    assert "A store keeps the passes" in said
+    code, _, said = run("fuse", dated(folder)[0], f"{line}={LAST}", "-o", tmp_path / "again.nc")
+    assert code == 1
+    assert "give the passes themselves" in said
 
 
 def test_a_line_that_a_store_does_not_know_has_no_pass(

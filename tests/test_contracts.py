@@ -16,7 +16,9 @@ from trackprofile.contracts import (
     channels,
     validate_profile,
     validate_recording,
+    validated,
     with_provenance,
+    with_rate,
 )
 from trackprofile.errors import DataError, RowError
 
@@ -209,6 +211,26 @@ def test_an_elevation_may_be_missing_in_a_gap_only() -> None:
 def test_a_profile_that_contradicts_itself_is_refused(changed: dict[str, Any], said: str) -> None:
     with pytest.raises(DataError, match=said):
         build_profile(**({"distance": RAMP, "elevation": RAMP, "kind": "point"} | changed))
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"rate_deviation_D1": [0.0, -1e-6]}, "rate_deviation_D1, data row 2: expected a finite"),
+        ({"rate": [np.nan, 0.0]}, "rate, data row 1: expected a finite number"),
+        ({"rate_deviation": None}, "A line has both rate and rate_deviation"),
+        ({"rate": None}, "A line has both rate and rate_deviation"),
+    ],
+)
+def test_a_rate_that_contradicts_itself_is_refused(changed: dict[str, Any], said: str) -> None:
+    level = build_profile([0.0, 0.25], [1e-3, 2e-3], kind="point")
+    line = with_rate(level, [0.0, -1e-5], [1e-6, 1e-6], {"D1": [1e-6, 1e-6]})
+    for name, values in changed.items():
+        line = line.drop_vars(name)
+        if values is not None:
+            line[name] = ("distance", values, {"units": "m/day"})
+    with pytest.raises(DataError, match=said):
+        validated(line)
 
 
 def test_one_contract_is_not_taken_for_the_other() -> None:

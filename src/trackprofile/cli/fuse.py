@@ -26,7 +26,7 @@ Profiles = Annotated[
 def fuse(
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FILE", help=".nc, with rates; .csv, .parquet."),
+        typer.Option("-o", "--output", metavar="FILE", help=".nc, .csv, .parquet; with rates."),
     ],
     profiles: Profiles = None,
     day: Annotated[
@@ -87,7 +87,7 @@ def _stored(
 ) -> list[Pass]:
     """The passes of a line in a store; what was fused before is none."""
     from trackprofile.assessment.changes import Pass
-    from trackprofile.fusion.fuse import METHOD
+    from trackprofile.contracts.rates import FUSED
     from trackprofile.store import find, open_store, read_profile
 
     store = open_store(url)
@@ -97,7 +97,7 @@ def _stored(
     passes = [
         Pass(read_profile(store, one, from_m, to_m), one.day, one.id)
         for one in entries
-        if not one.origin.method.startswith(METHOD)
+        if not one.origin.method.startswith(FUSED)
     ]
     if not passes:
         raise DataError(

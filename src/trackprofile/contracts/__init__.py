@@ -9,7 +9,8 @@ recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor c
                            variable of any name, and ``<channel>_valid``
 profile    ``distance``    ``elevation``, ``standard_deviation``, the same per band with
                            ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5);
-                           where both rails are told apart, ``elevation_left`` and so on
+                           where both rails are told apart, ``elevation_left`` and so on;
+                           of a line made of many passes, ``rate`` and ``rate_deviation``
 both                       ``distance_deviation``, how well each place is known
 =========  ==============  ===========================================================
 """
@@ -26,6 +27,8 @@ from trackprofile.contracts.rails import RailLevel as RailLevel
 from trackprofile.contracts.rails import of_rail as of_rail
 from trackprofile.contracts.rails import rails_of as rails_of
 from trackprofile.contracts.rails import with_rails as with_rails
+from trackprofile.contracts.rates import has_rate as has_rate
+from trackprofile.contracts.rates import with_rate as with_rate
 from trackprofile.contracts.recording import QUANTITIES as QUANTITIES
 from trackprofile.contracts.recording import Channel as Channel
 from trackprofile.contracts.recording import build_recording as build_recording

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from trackprofile.contracts.rails import validate_rails
+from trackprofile.contracts.rates import validate_rate
 from trackprofile.contracts.recording import validate_recording
 from trackprofile.contracts.rows import Array, said, steps_of
 from trackprofile.errors import DataError
@@ -21,7 +21,7 @@ def validated(dataset: xr.Dataset) -> xr.Dataset:
     ------
     DataError : it names neither, or see `validate_recording` and `validate_profile`.
     """
-    checks = {"recording": validate_recording, "profile": validate_rails}
+    checks = {"recording": validate_recording, "profile": validate_rate}
     kind = said(dataset.attrs, "kind_of_data")
     if kind is None or kind not in checks:
         raise DataError(

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from trackprofile.assessment.changes import Pass
 from trackprofile.bands import BANDS, D1, band_pass_pieces
-from trackprofile.contracts import Quality, build_profile, validated, with_provenance
+from trackprofile.contracts import Quality, build_profile, has_rate, with_provenance, with_rate
+from trackprofile.contracts.rates import FUSED
 from trackprofile.errors import DataError
 from trackprofile.fusion.combine import Combined, combine, without_each
 from trackprofile.fusion.judge import Contradiction, Reason
@@ -22,9 +23,6 @@ from trackprofile.fusion.waves import ALL, JUDGED, RANGES, deviations
 from trackprofile.fusion.weigh import Weighed, weigh
 
 Array = NDArray[np.float64]
-
-METHOD = "fusion of"
-"""With which a fused profile's method begins."""
 
 LIKELY, BEYOND = 0.5, 3.0
 """Probability that a place moves, and standard deviations of its rate, from which it is said to."""
@@ -102,8 +100,8 @@ def fuse(passes: Sequence[Pass], day: date | None = None) -> Fused:
 
     Raises
     ------
-    DataError : there is no pass, two have one name, one does not state its standard deviation, loaded and unloaded
-        profiles are mixed, or the passes are not of the same track.
+    DataError : there is no pass, two have one name, one is a line itself or does not state its standard deviation,
+        loaded and unloaded profiles are mixed, or the passes are not of the same track.
 
     Examples
     --------
@@ -160,6 +158,11 @@ def _checked(passes: Sequence[Pass]) -> list[Pass]:
     for name in names:
         if names.count(name) > 1:
             raise DataError(f"Two passes are called {name!r}; give each its own name.")
+    for one in passes:
+        if has_rate(one.profile):
+            raise DataError(
+                f"{one.name} is a line made of many passes, and shares their errors; give the passes themselves."
+            )
     loadings = {str(one.profile.attrs.get("loading")) for one in passes}
     if len(loadings) > 1:
         raise DataError(
@@ -171,7 +174,9 @@ def _checked(passes: Sequence[Pass]) -> list[Pass]:
 
 def _alone(one: Pass, day: date) -> Fused:
     nothing = np.zeros(one.profile.sizes["distance"])
-    profile = with_provenance(_with_rate(one.profile, nothing, {}), f"fuse: {one.name} alone")
+    profile = with_provenance(
+        with_rate(one.profile, nothing, nothing, {}), f"fuse: {one.name} alone"
+    )
     member = Member(
         one.name, one.day, str(one.profile.attrs["vehicle"]), 0.0, {}, {band.name: 1.0 for band in BANDS}
     )  # fmt: skip
@@ -214,7 +219,7 @@ def _profile(
         laid.distance,
         line.level,
         kind="posterior",
-        method=f"{METHOD} {int(weighed.active.sum())} passes",
+        method=f"{FUSED} {int(weighed.active.sum())} passes",
         standard_deviation=np.where(known, spread[ALL], np.nan),
         band_standard_deviations={
             band.name: np.where(known, spread[band.name], np.nan)
@@ -226,7 +231,9 @@ def _profile(
         vehicle=", ".join(vehicles),
     )
     rates = {name: laid.along(each) for name, each in deviations(line.rate_error).items()}
-    profile = _with_rate(profile, line.rate, {n: rates[n] for n in (ALL, *sorted(bands))})
+    profile = with_rate(
+        profile, line.rate, rates[ALL], {name: rates[name] for name in sorted(bands)}
+    )
     used = [
         f"{one.of.name} ({one.of.day})"
         for one, here in zip(laid.passes, weighed.active, strict=True)
@@ -261,16 +268,6 @@ def _moving(laid: Laid, line: Combined) -> Iterator[MovingPlace]:
 
 def _bands_of(profile: xr.Dataset) -> list[str]:
     return [band.name for band in BANDS if f"standard_deviation_{band.name}" in profile]
-
-
-def _with_rate(profile: xr.Dataset, rate: Array, deviation: Mapping[str, Array]) -> xr.Dataset:
-    """The profile with its rate of change, and the standard deviation of that in all waves and by band [m/day]."""
-    unit = {"units": "m/day"}
-    variables = {"rate": ("distance", rate, unit)}
-    for name, values in ({ALL: np.zeros(rate.size)} | dict(deviation)).items():
-        key = "rate_deviation" if name == ALL else f"rate_deviation_{name}"
-        variables[key] = ("distance", values, unit)
-    return validated(profile.assign(variables))
 
 
 def _flags(laid: Laid, weighed: Weighed) -> NDArray[np.int16]:

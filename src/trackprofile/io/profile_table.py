@@ -2,9 +2,10 @@
 
 Columns: ``distance_m``, ``elevation_m`` and, where known, ``standard_deviation_m``, the same per
 band (``standard_deviation_D1_m`` ...), ``distance_deviation_m`` and ``quality``; where both rails are
-told apart, the same of ``elevation_left``, ``elevation_right`` and ``elevation_difference``; others
-are not read. A table has no place for the attributes: what it holds is a posterior if it has a
-standard deviation, else a point.
+told apart, the same of ``elevation_left``, ``elevation_right`` and ``elevation_difference``; of a
+line made of many passes, ``rate_m_per_day``, ``rate_deviation_m_per_day`` and the second per band;
+others are not read. A table has no place for the attributes: what it holds is a posterior if it has
+a standard deviation, else a point.
 """
 
 from __future__ import annotations
@@ -18,6 +19,14 @@ import xarray as xr
 
 from trackprofile.contracts import APART, Quality, RailLevel, build_profile, with_rails
 from trackprofile.contracts.rails import QUALITY, variable
+from trackprofile.contracts.rates import (
+    FUSED,
+    RATE,
+    RATE_DEVIATION,
+    UNIT,
+    rate_variables,
+    validate_rate,
+)
 from trackprofile.contracts.rows import DEVIATION
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
@@ -28,6 +37,7 @@ NAME = "a profile as a table with the columns distance_m and elevation_m"
 HOLDS = ("profile",)
 
 _SPREAD = "standard_deviation"
+_PER_DAY = "_m_per_day"
 
 
 def sniff(path: Path) -> bool:
@@ -44,21 +54,24 @@ def read(path: Path) -> xr.Dataset:
     known = (f"{_SPREAD}_m", f"{DEVIATION}_m", "quality")
     optional = [name for name in known if name in names]
     apart = [name for name in names if _of_one_rail(name)]
-    wanted = ["distance_m", "elevation_m", *optional, *band_columns.values(), *apart]
+    rates = [name for name in names if _of_rate(name)]
+    wanted = ["distance_m", "elevation_m", *optional, *band_columns.values(), *apart, *rates]
     table = read_columns(path, wanted)
     spread = table.get(f"{_SPREAD}_m")
-    with located(path, {name.removesuffix("_m"): name for name in wanted}):
+    with located(path, {name.removesuffix(_PER_DAY).removesuffix("_m"): name for name in wanted}):
         profile = build_profile(
             table["distance_m"],
             table["elevation_m"],
             kind="point" if spread is None else "posterior",
+            method=f"{FUSED} passes" if rates else "",
             standard_deviation=spread,
             band_standard_deviations={band: table[name] for band, name in band_columns.items()},
             quality=_flags(table["quality"]) if "quality" in table else None,
             provenance=[f"read from {path.name}"],
             distance_deviation=table.get(f"{DEVIATION}_m"),
         )
-        return _with_rails(profile, table) if apart else profile
+        profile = _with_rails(profile, table) if apart else profile
+        return _with_rates(profile, table) if rates else profile
 
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
@@ -67,8 +80,9 @@ def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
     more = (str(name) for name in dataset if _SPREAD in str(name) or name in own)
     columns = {f"{name}_m": dataset[name].to_numpy() for name in ("distance", "elevation", *more)}
     flags = {name: dataset[name].to_numpy() for name in ("quality", QUALITY) if name in dataset}
+    rates = {f"{name}{_PER_DAY}": dataset[name].to_numpy() for name in rate_variables(dataset)}
     with whole_files(path) as (file,):
-        write_columns(file, columns | flags)
+        write_columns(file, columns | rates | flags)
     return (path,)
 
 
@@ -76,6 +90,24 @@ def _of_one_rail(column: str) -> bool:
     """Whether a column is one of left, right or difference."""
     names = "|".join(variable(rail) for rail in APART)
     return bool(re.fullmatch(rf"(?:{names})(?:_{_SPREAD}(?:_.+)?)?_m|{QUALITY}", column))
+
+
+def _of_rate(column: str) -> bool:
+    """Whether a column is the rate, or one of its deviations."""
+    return bool(re.fullmatch(f"(?:{RATE}|{RATE_DEVIATION}(?:_.+)?){_PER_DAY}", column))
+
+
+def _with_rates(profile: xr.Dataset, table: Mapping[str, np.ndarray]) -> xr.Dataset:
+    unit = {"units": UNIT}
+    return validate_rate(
+        profile.assign(
+            {
+                name.removesuffix(_PER_DAY): ("distance", values, unit)
+                for name, values in table.items()
+                if _of_rate(name)
+            }
+        )
+    )
 
 
 def _with_rails(profile: xr.Dataset, table: Mapping[str, np.ndarray]) -> xr.Dataset:

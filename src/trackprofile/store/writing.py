@@ -17,7 +17,7 @@ import xarray as xr
 
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.tables import tables
-from trackprofile.contracts import Quality, validate_profile
+from trackprofile.contracts import Quality, has_rate, validate_profile
 from trackprofile.errors import DataError
 from trackprofile.limits import Action
 from trackprofile.location import Way
@@ -85,11 +85,15 @@ def add(
 
     Raises
     ------
-    DataError : another recording is there of the same run over the same track; or this one is there over another
-        stretch; or the assessment is of another profile. Nothing is written.
+    DataError : it is a line made of many passes; another recording is there of the same run over the same track; or
+        this one is there over another stretch; or the assessment is of another profile. Nothing is written.
     FileError : the store cannot be read or written.
     """
     validate_profile(profile)
+    if has_rate(profile):
+        raise DataError(
+            "This is a line made of many passes. A store keeps the passes: add those, and fuse --store makes the line."
+        )
     distance = profile["distance"].to_numpy()
     start, end = float(distance[0]), float(distance[-1])
     if (assessment.start, assessment.end) != (start, end):
