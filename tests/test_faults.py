@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackprofile.conditioning.faults import FaultKind, find_faults
-from trackprofile.conditioning.rules import resolution
+from trackprofile.conditioning.rules import resolution, stuck
 from trackprofile.contracts import Channel, build_recording
 
 
@@ -34,3 +34,22 @@ def test_coarse_steps_are_told_where_they_were_rounded_after(step: float, begin:
     core = slice(begin + 128, begin + 384)
     np.testing.assert_allclose(found[core], step, atol=0.1 * step)
     np.testing.assert_allclose(found[: begin - 128], 0.01)
+
+
+@given(begin=st.integers(1, 1900), count=st.integers(20, 1000), seed=st.integers(0, 99))
+def test_a_sensor_that_sticks_is_found_wherever_it_does(begin: int, count: int, seed: int) -> None:
+    # A wave of noise, which at its crests hardly steps: where it sticks there it breaks off by little.
+    signal = np.convolve(rough(3016, seed) - rough(3016, seed + 100), np.ones(17) / 17, "valid")
+    signal += np.random.default_rng(seed).standard_normal(3000) * 1e-2
+    signal[begin : begin + count] = signal[begin]
+    found = np.flatnonzero(stuck(signal))
+    np.testing.assert_array_equal(found, np.arange(begin, begin + count))
+
+
+@given(begin=st.integers(100, 400), end=st.integers(600, 900), step=st.sampled_from([0.0, 1e-3]))
+def test_a_train_that_comes_to_rest_is_not_stuck(begin: int, end: int, step: float) -> None:
+    # The acceleration of a train that stops and sets out by degrees, noiseless or in steps.
+    at = np.arange(1000)
+    moving = np.clip(np.maximum(begin - at, at - end) / 100.0, 0.0, 1.0) ** 3
+    signal = moving * np.sin(at / 3.0)
+    assert not stuck(np.round(signal / step) * step if step else signal).any()

@@ -20,6 +20,9 @@ FLAT = 3
 STUCK = 20
 """Times the usual number of equal samples in a row that make a sensor stuck, and at least so many samples."""
 
+CALM = 10.0
+"""Times less than usual that a signal changes where it comes to rest."""
+
 SPIKE = 30.0
 """Times the usual departure from the curve through the samples around that makes a spike."""
 
@@ -78,8 +81,9 @@ def at_end_of_range(values: Array) -> Mask:
 def stuck(values: Array) -> Mask:
     """Samples of a value that stays ``STUCK`` times longer than values of this signal usually do, and as many samples.
 
-    It breaks off: at one of its ends the signal steps as far as it usually does. Where it sets out and comes to rest by
-    degrees, nothing happened for a while. A signal that never changes is stuck altogether.
+    It breaks off: at one of its ends the signal steps as far as it usually does; or it moves before and after, and
+    nowhere else is it nearly as calm. Where it sets out and comes to rest by degrees, nothing happened for a while. A
+    signal that never changes is stuck altogether.
 
     Examples
     --------
@@ -98,7 +102,18 @@ def stuck(values: Array) -> Mask:
     usual = float(np.median(change[change > 0]))
     step = np.concatenate([[0.0], change[starts[1:] - 1], [0.0]])
     breaks = np.maximum(step[:-1], step[1:]) >= usual
+    if _never_rests(change[np.repeat(~long, lengths)[1:]], STUCK * int(np.median(lengths))):
+        breaks[1:-1] = True
     return np.repeat(long & breaks, lengths)
+
+
+def _never_rests(change: Array, width: int) -> bool:
+    """Whether a signal with these changes moves in all rows of ``width`` of them nearly as it usually does."""
+    rows = len(change) // width
+    if rows < 2:
+        return False
+    moves = change[: rows * width].reshape(rows, width).mean(axis=1)
+    return bool(np.min(moves) > np.median(moves) / CALM)
 
 
 def spikes(values: Array) -> Mask:
