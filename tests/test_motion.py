@@ -7,9 +7,16 @@ import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 
 from trackprofile.errors import DataError
-from trackprofile.motion import motion, recorded_step, speed_over_distance, speed_over_time
+from trackprofile.motion import (
+    deviation_of_counting,
+    motion,
+    recorded_step,
+    speed_over_distance,
+    speed_over_time,
+)
 
 
 def run(seconds: float = 120.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -32,6 +39,59 @@ def test_whole_km_h_are_smoothed_towards_the_true_speed() -> None:
     true = np.interp(places, distance, speed)
     coarse = np.round(3.6 * true) / 3.6
     assert np.std(speed_over_distance(coarse, places) - true) < raw / 2
+
+
+OF_ROUNDING = 1.0 / 3.6 / np.sqrt(12.0)
+"""m/s, standard deviation of what whole km/h leave open."""
+
+
+@pytest.mark.parametrize(("noise", "within"), [(0.0, 0.3), (0.05, 0.25), (0.5, 0.3)])
+def test_whole_km_h_tell_the_speed_by_where_they_change(noise: float, within: float) -> None:
+    time, _, speed = run(400.0)
+    said = 3.6 * speed + noise * np.random.default_rng(4).standard_normal(len(speed))
+    found = speed_over_time(np.round(said) / 3.6, time)
+    assert np.std(found - speed) < within * OF_ROUNDING
+
+
+@given(start=st.floats(0.0, 20.0), slope=st.floats(0.1, 1.0))
+def test_whole_km_h_of_a_train_that_speeds_up_leave_nothing_open(
+    start: float, slope: float
+) -> None:
+    time = np.arange(0.0, 30.0, 0.01)
+    speed = start + slope * time
+    found = speed_over_time(np.round(3.6 * speed) / 3.6, time)
+    inner = slice(500, -500)
+    assert np.max(np.abs(found - speed)[inner]) < 0.1 * OF_ROUNDING
+    assert np.max(np.abs(np.cumsum(found - speed))) * 0.01 < 0.3
+
+
+def wandering(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Time and speed of a train that keeps to 108 km/h as a driver does: its acceleration wanders and is forgotten."""
+    generator, step = np.random.default_rng(seed), 0.02
+    time = np.arange(0.0, 300.0, step)
+    walk = 0.015 * np.sqrt(step) * generator.standard_normal(len(time))
+    acceleration = lfilter([1.0], [1.0, step / 5.0 - 1.0], walk)
+    return time, 30.0 + step * np.cumsum(acceleration)
+
+
+def test_how_far_a_distance_counted_from_whole_km_h_is_off_is_said() -> None:
+    inside, errors, said = [], [], []
+    for seed in range(20):
+        time, speed = wandering(seed)
+        steps = np.round(3.6 * speed) / 3.6
+        error = 0.02 * np.cumsum(speed_over_time(steps, time) - speed)
+        deviation = deviation_of_counting(steps, time)
+        assert deviation is not None
+        inside.append(np.abs(error[500:]) < 1.96 * deviation[500:])
+        errors.append(error)
+        said.append(deviation)
+    assert np.mean(inside) > 0.9
+    assert np.sqrt(np.mean(np.square(said))) < 3.0 * np.sqrt(np.mean(np.square(errors)))
+
+
+def test_of_a_continuous_speed_nothing_is_said() -> None:
+    time, _, speed = run()
+    assert deviation_of_counting(speed, time) is None
 
 
 def test_continuous_speed_is_left_as_it_is() -> None:

@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.contracts.rows import DEVIATION
+from trackprofile.motion import deviation_of_counting
 from trackprofile.sensor import Installation
 
 Array = NDArray[np.float64]
@@ -41,16 +42,29 @@ def of_true_distance(
 def deviation_at(
     place: Array, run: Array, recording: xr.Dataset
 ) -> tuple[Array | None, tuple[str, ...]]:
-    """Standard deviation of where points are, (n,) m, and a sentence on it; None where the recording does not say.
+    """Standard deviation of where points are, (n,) m, and a sentence on it; None where nobody can say.
+
+    What the recording says of its places; or what is left open by a speed in steps from which they are counted.
 
     Parameters
     ----------
     place : (n,), m
     run : (samples,), where the leading wheel stood, m
     """
-    if DEVIATION not in recording:
+    stated, counted = recording.get(DEVIATION), ""
+    known = _of_counting(recording) if stated is None else stated.to_numpy()
+    if known is None:
         return None, ()
-    found = np.interp(place, run, recording[DEVIATION].to_numpy())
+    if stated is None:
+        counted = " from where the recording starts, counted by its speed in steps"
+    found = np.interp(place, run, known)
     usual, worst = NORMAL_95 * float(np.median(found)), NORMAL_95 * float(np.max(found))
     at_worst = f", at worst ±{worst:.2g} m" if worst > 1.5 * usual else ""
-    return found, (f"places are known to ±{usual:.2g} m (95 %){at_worst}",)
+    return found, (f"places are known to ±{usual:.2g} m (95 %){at_worst}{counted}",)
+
+
+def _of_counting(recording: xr.Dataset) -> Array | None:
+    if "distance" in recording:
+        return None
+    speed, time = (recording[name].to_numpy().astype(np.float64) for name in ("speed", "time"))
+    return deviation_of_counting(speed, time)
