@@ -81,3 +81,10 @@ def test_axle_loads_and_sources_of_built_in_cars_are_plausible(name: str) -> Non
     for one in car.parameters:
         assert one.source
         assert 0.05 <= one.spread <= 1.0
+
+
+def test_two_bogies_that_do_not_feel_each_other_pitch_alone() -> None:
+    pitches = [
+        mode.words for mode in modes(read_vehicle("velaro")[0]) if "bogie pitch" in mode.words
+    ]
+    assert sorted(pitches) == ["leading bogie pitch", "trailing bogie pitch"]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from trackprofile.roll import roll_unknowns, rolling
 from trackprofile.track import RigidTrack
@@ -17,6 +18,9 @@ ROLL = "roll"
 
 TAKES_PART = 0.1
 """Share of a mode's kinetic energy from which a motion is named."""
+
+JOINED = 1e-12
+"""Of the stiffest, or the strongest damper: less is what round-off leaves."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +72,31 @@ def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
     M, C, K = (
         one[np.ix_(free, free)] for one in (assembly.mass, assembly.damping, assembly.stiffness)
     )
-    n, inverse = len(free), np.linalg.inv(M)
+    names = [assembly.degrees_of_freedom[i] for i in free]
+    found: list[Mode] = []
+    # Alone, so that two alike parts that do not feel each other do not swing in any mixture of both.
+    for alone in _apart(C, K):
+        part = np.ix_(alone, alone)
+        found += _modes(M[part], C[part], K[part], [names[i] for i in alone])
+    return tuple(sorted(found, key=lambda one: one.frequency))
+
+
+def _apart(C: Array, K: Array) -> list[NDArray[np.intp]]:
+    """Degrees of freedom, in groups that no spring or damper joins but by round-off."""
+    joined = sum(np.abs(one) > JOINED * np.max(np.abs(one), initial=0.0) for one in (C, K))
+    count, group = connected_components(joined, directed=False)
+    return [np.flatnonzero(group == i) for i in range(count)]
+
+
+def _modes(M: Array, C: Array, K: Array, names: list[tuple[str, str]]) -> list[Mode]:
+    n, inverse = len(M), np.linalg.inv(M)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, -inverse @ C]])
     values, vectors = np.linalg.eig(A)
-    names = [assembly.degrees_of_freedom[i] for i in free]
-    found = [
+    return [
         _mode(value, np.diag(M) * np.abs(vectors[:n, i]) ** 2, names)
         for i, value in enumerate(values)
         if value.imag >= 0
     ]
-    return tuple(sorted(found, key=lambda one: one.frequency))
 
 
 def roll_modes(vehicle: Vehicle) -> tuple[Mode, ...]:
