@@ -31,6 +31,8 @@ class Inferred(Protocol):
     @property
     def profile(self) -> xr.Dataset: ...
     @property
+    def taken(self) -> Mapping[str, NDArray[np.float64]]: ...
+    @property
     def reproduced(self) -> Mapping[str, NDArray[np.float64]]: ...
     @property
     def sample_distance(self) -> NDArray[np.float64]: ...
@@ -78,13 +80,25 @@ def write_estimate(
     """
     files = estimate_files(profile)
     made = estimate.profile.assign_attrs(recording=fingerprint(recording))
-    drawn = (made, recording, estimate.sample_distance, estimate.reproduced)
+    shown = _as_taken(recording, estimate.taken)
+    drawn = (made, shown, estimate.sample_distance, estimate.reproduced)
     page, picture = profile_figure(*drawn), profile_picture(*drawn)
     with whole_files(*files) as (profile_file, page_file, picture_file):
         write(made, profile_file)
         write_html(page, page_file)
         write_png(picture, picture_file)
     return files
+
+
+def _as_taken(recording: xr.Dataset, taken: Mapping[str, NDArray[np.float64]]) -> xr.Dataset:
+    """The recording with channels that were put right as they were taken; others keep what was left out of them."""
+    shown = recording.copy()
+    for name, values in taken.items():
+        used = np.isfinite(values)
+        if not np.array_equal(values[used], recording[name].to_numpy()[used]):
+            shown[name] = recording[name].copy(data=values)
+            shown[f"{name}_valid"] = recording[f"{name}_valid"] & used
+    return shown
 
 
 def made_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Path, Path]:

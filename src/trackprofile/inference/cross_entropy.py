@@ -80,6 +80,7 @@ class Found:
     Parameters
     ----------
     profile : the profile contract, a point estimate at each scan's place
+    taken : by channel, (samples,), its signal as it was taken: upright, without gravity; NaN where left out
     reproduced : by channel, (samples,), what the model makes of the profile; NaN where no scan was used
     sample_distance : (samples,), m, where the leading wheel stood
     phases : the history
@@ -88,6 +89,7 @@ class Found:
     """
 
     profile: xr.Dataset
+    taken: dict[str, Array]
     reproduced: dict[str, Array]
     sample_distance: Array
     phases: tuple[Phase, ...]
@@ -157,6 +159,7 @@ def cross_entropy(
     march = _march(model, scans, search, evaluation, np.random.default_rng(seed), progress)
     found = Found(
         _profile(model, march, search, vehicle, track, seed, notes),
+        {name: signal for name, signal in data.taken.items() if name in recording},
         _reproduced(recording, model, scans, march),
         along_track(data.motion, installation.origin, installation.distance_scale).distance,
         tuple(march.phases),

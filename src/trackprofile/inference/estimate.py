@@ -48,6 +48,7 @@ class Estimate:
     Parameters
     ----------
     profile : the profile contract
+    taken : by channel, (samples,), its signal as it was taken: upright, without gravity; NaN where left out
     reproduced : by channel, (samples,), what profile, offset and unmodelled acceleration explain; NaN where invalid
     sample_distance : (samples,), m, where the leading wheel stood
     model : with the noise and prior that were used
@@ -57,6 +58,7 @@ class Estimate:
     """
 
     profile: xr.Dataset
+    taken: Mapping[str, Array]
     reproduced: Mapping[str, Array]
     sample_distance: Array
     model: Model
@@ -185,6 +187,11 @@ class _Inferred:
     blocks: int
 
     @property
+    def taken(self) -> Array:
+        """(samples, sensors)"""
+        return np.stack([*self.data.taken.values()], axis=1)
+
+    @property
     def reproduced(self) -> Array:
         """(samples, sensors)"""
         return self.data.signals - self.piece.left
@@ -261,7 +268,8 @@ def _together(
         profile = with_rails(profile, levels_of(found, across, sides.shared), across.flags)
     return Estimate(
         with_provenance(profile, "; ".join([mean.step, *notes])),
-        sides.reproduced(mean.reproduced, None if difference is None else difference.reproduced),
+        sides.of_sensors(mean.taken, None if difference is None else difference.taken),
+        sides.of_sensors(mean.reproduced, None if difference is None else difference.reproduced),
         mean.run,
         mean.model,
         (*notes, *remarks),

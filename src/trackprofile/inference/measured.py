@@ -88,6 +88,12 @@ class Measured:
     by_gravity: tuple[bool, ...] = ()
     turned: bool = False
 
+    @property
+    def taken(self) -> dict[str, Array]:
+        """By sensor, (n,), its signal; NaN where it is not valid."""
+        signals = np.where(self.valid, self.signals, np.nan)
+        return {one.name: signal for one, signal in zip(self.sensors, signals.T, strict=True)}
+
     def part(self, rows: slice | Mask) -> Measured:
         """The same of some samples only."""
         m = self.motion

@@ -67,8 +67,8 @@ class ByRail:
     halves: tuple[Half, Half]
     shared: float = 0.0
 
-    def reproduced(self, mean: Array, difference: Array | None) -> dict[str, Array]:
-        """What is reproduced of each sensor on board, from that of mean and difference, (samples, sensors) each."""
+    def of_sensors(self, mean: Array, difference: Array | None) -> dict[str, Array]:
+        """Signals of each sensor on board, by its name, from those of mean and difference, (samples, sensors) each."""
         parts = [(self.halves[0], mean)]
         if difference is not None:
             parts.append((self.halves[1], difference))
