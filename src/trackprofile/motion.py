@@ -23,13 +23,16 @@ AVERAGED = 0.5
 REMEMBERED = 10.0
 """s over which the speed of a train errs alike that was recorded in steps and does not reach the next one."""
 
-CROSSED = 0.1
+CROSSED = 0.2
 """Of a step: how well the speed is known where its record changes to the next one."""
 
 FLICKERS = 0.05
 """Share of readings more than ``OUTSIDE`` steps off, from which the speed was noisy before it was recorded in steps."""
 
 OUTSIDE = 0.55
+
+FEWEST = 12
+"""Times between changes of a record that tell how often it is renewed."""
 
 MOST_DISTINCT = 0.2
 """Share of distinct values up to which a channel counts as recorded in steps."""
@@ -122,7 +125,8 @@ def deviation_of_counting(speed: Array, time: Array) -> Array | None:
     step = recorded_step(speed)
     if step == 0.0:
         return None
-    if _flickers(speed, time, np.full(len(speed), step), _walk(time)):
+    smoothed = speed_over_time(speed, time)
+    if _flickers(speed, smoothed, np.full(len(speed), step)):
         variance = np.cumsum(np.square(np.gradient(time))) * step**2 / 12.0
         return np.sqrt(variance)
     changes = 0.5 * (time[1:] + time[:-1])[np.diff(speed) != 0.0]
@@ -188,39 +192,83 @@ def recorded_step(values: Array) -> float:
 def _within_steps(values: Array, at: Array, step: Array, interval: Array, walk: Array) -> Array:
     """What was recorded in steps, smoothed: by where its record changes, which is halfway from one step to the next.
 
-    Between changes readings err alike, and tell no more than one of them; unless they flicker.
-
     Parameters
     ----------
     values, step, interval : (n,), what was recorded, in which step, and the time that a reading stands for, s
     at : (n,), s or m
     walk : (n - 2,), variance of the change of slope
     """
-    noise = step**2 / 12.0
-    if _flickers(values, at, step, walk):
-        return _smooth(values, at, noise, walk)
-    before = np.flatnonzero(np.diff(values))
-    count = np.diff(before, prepend=-1, append=len(values) - 1)
-    alike = np.minimum(np.repeat(count, count), REMEMBERED / np.maximum(interval, 1e-6))
-    # A train that shows no speed stands: that each reading says anew.
-    noise = noise * np.where(values > 0.0, np.maximum(alike, 1.0), 1.0)
-    told = values.copy()
-    halfway = 0.5 * (values[before] + values[before + 1])
-    # Over more than one step at once nobody knows when each was crossed.
-    jump = np.abs(np.diff(values)[before])
-    known = 2.0 * ((CROSSED * step[before]) ** 2 + np.maximum(jump - step[before], 0.0) ** 2)
-    for beside in (before, before + 1):
-        told[beside], noise[beside] = halfway, known
+    new = _renewed(values, interval)
+    told, noise = values.copy(), np.full(len(values), np.inf)
+    noise[new] = step[new] ** 2 / 12.0
+    smoothed = _smooth(told, at, noise, walk)
+    if _flickers(values[new], smoothed[new], step[new]):
+        return smoothed
+    lasts = np.diff(np.cumsum(interval)[new], append=np.sum(interval))
+    told[new], noise[new] = _told_by_changes(values[new], step[new], lasts)
     return _smooth(told, at, noise, walk)
 
 
-def _flickers(values: Array, at: Array, step: Array, walk: Array) -> bool:
+def _told_by_changes(values: Array, step: Array, interval: Array) -> tuple[Array, Array]:
+    """What readings say, and its variance, each (n,): those beside a change that they lie halfway between both.
+
+    Between changes readings err alike, and tell no more than one of them.
+    """
+    told, noise = values.copy(), step**2 / 12.0
+    before = np.flatnonzero(np.diff(values))
+    count = np.diff(before, prepend=-1, append=len(values) - 1)
+    lasts = np.repeat(count, count) * interval
+    alike = np.minimum(lasts, REMEMBERED) / np.maximum(interval, 1e-6)
+    # A train that shows no speed stands: that each reading says anew.
+    noise = noise * np.where(values > 0.0, np.maximum(alike, 1.0), 1.0)
+    # Of several steps at once nobody knows when each was crossed; and a reading alone lies in its own step.
+    one_step = np.abs(np.diff(values)[before]) < 1.5 * step[before]
+    before = before[one_step & (np.minimum(count[:-1], count[1:]) > 1)]
+    for beside in (before, before + 1):
+        # Nor when one was, between two readings.
+        unseen = step[beside] * np.minimum(interval[beside] / lasts[beside], 1.0)
+        noise[beside] = 2.0 * ((CROSSED * step[beside]) ** 2 + unseen**2 / 12.0)
+        told[beside] = 0.5 * (values[before] + values[before + 1])
+    return told, noise
+
+
+def _renewed(values: Array, interval: Array) -> NDArray[np.intp]:
+    """The readings that are new ones, by number: where a record is renewed every so often, only those tell anything.
+
+    It is, if most times between changes are whole multiples of one that is longer than a reading's, and not all alike.
+
+    Examples
+    --------
+    >>> speeds = [3.0, 4.0, 6.0, 5.0, 5.0, 7.0, 8.0, 9.0, 11.0, 10.0, 9.0, 8.0, 9.0, 7.0, 6.0, 5.0]
+    >>> _renewed(np.repeat(speeds, 5), np.full(80, 0.1))
+    array([ 0,  5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75])
+    """
+    time = np.cumsum(interval)
+    starts = np.concatenate([[0], 1 + np.flatnonzero(np.diff(values))])
+    gaps = np.diff(time[starts[1:]])
+    if len(gaps) >= FEWEST:
+        usual = float(np.median(gaps[gaps < 1.5 * np.quantile(gaps, 0.1)]))
+        times = gaps / usual
+        whole = np.mean(np.abs(times - np.round(times)) < 0.15) > 0.8
+        if whole and usual > 1.5 * float(np.median(interval)) and np.max(times) > 1.5:
+            counts = np.diff(starts, append=len(values))
+            lasts = np.diff(time[starts], append=time[-1])
+            number = np.maximum(np.round(lasts / usual), 1.0).astype(int)
+            return np.concatenate(
+                [
+                    first + np.arange(n) * count // n
+                    for first, n, count in zip(starts, number, counts, strict=True)
+                ]
+            )
+    return np.arange(len(values))
+
+
+def _flickers(values: Array, smoothed: Array, step: Array) -> bool:
     """Whether readings were noisy before they were rounded, so that they err independently.
 
     Then what comes of taking them for independent lies outside their steps.
     """
-    apart = np.abs(_smooth(values, at, step**2 / 12.0, walk) - values)
-    return bool(np.mean(apart > OUTSIDE * step) > FLICKERS)
+    return bool(np.mean(np.abs(smoothed - values) > OUTSIDE * step) > FLICKERS)
 
 
 def _walk(at: Array) -> Array:

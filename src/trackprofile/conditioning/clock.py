@@ -48,9 +48,9 @@ def mend(time: Array, driven: Array | None = None, speed: Array | None = None) -
     """A clock's stamps, (n,) in s, made to increase.
 
     Stamps that are missing lie evenly between those beside them, and stamps that are coarser than the sampling are
-    spread evenly. A row that repeats the stamp of the one before is left out. Where the clock is set back it goes on
-    at the usual interval; where it leaps ahead and the distance (``driven``, m) at that ``speed`` (m/s) shows that no
-    time passed, it is set back; else the rows between are missing, and stay so.
+    spread as the train drove (``driven``, m, at that ``speed``, m/s), or evenly. A row that repeats the stamp of the
+    one before is left out. Where the clock is set back it goes on at the usual interval; where it leaps ahead and the
+    distance at that speed shows that no time passed, it is set back; else the rows between are missing, and stay so.
 
     Raises
     ------
@@ -72,8 +72,8 @@ def mend(time: Array, driven: Array | None = None, speed: Array | None = None) -
     same = np.diff(time, prepend=-np.inf) == 0.0
     if np.mean(same) > COARSE:
         firsts = np.flatnonzero(~same)
-        time = _spread(time, firsts)
-        notes.append("the clock is coarser than the sampling: its stamps were spread evenly")
+        time, how = _spread(time, firsts, _passed(driven, speed))
+        notes.append(f"the clock is coarser than the sampling: its stamps were spread {how}")
         same = np.zeros(len(time), bool)
     kept = ~same
     if same.any():
@@ -97,20 +97,33 @@ def mend(time: Array, driven: Array | None = None, speed: Array | None = None) -
     return Mended(kept, mended, np.concatenate([[False], wrong]), repeated[kept], tuple(notes))
 
 
-def _spread(time: Array, firsts: NDArray[np.intp]) -> Array:
-    """Coarse stamps, on one line where all lie within a step of it, as of even sampling; else from each to the next."""
+def _spread(time: Array, firsts: NDArray[np.intp], passed: Array | None) -> tuple[Array, str]:
+    """Coarse stamps, finer, and how: on a line over the time that ``passed`` by distance and speed, or over the rows as
+    of even sampling, if all lie within a step of it; else evenly from each to the next.
+    """
     stamps = time[firsts]
     if len(firsts) < 2:
         raise DataError("time: it never increases; choose another column.")
     rows = np.arange(len(time), dtype=np.float64)
-    slope, height = np.polyfit(rows, time, 1)
-    line = slope * rows + height
-    if slope > 0 and np.max(np.abs(time - line)) < np.max(np.diff(stamps)):
-        return line - line[0] + time[0]
+    for over, how in ((passed, "by distance and speed"), (rows, "evenly")):
+        if over is None:
+            continue
+        slope, height = np.polyfit(over, time, 1)
+        line = slope * over + height
+        if slope > 0 and np.max(np.abs(time - line)) < np.max(np.diff(stamps)):
+            return line - line[0] + time[0], how
     rate = np.median(np.diff(stamps) / np.diff(firsts))
     ends = np.append(firsts, len(time))
     beyond = np.append(stamps, stamps[-1] + rate * (len(time) - firsts[-1]))
-    return np.interp(np.arange(len(time)), ends, beyond)
+    return np.interp(rows, ends, beyond), "evenly"
+
+
+def _passed(driven: Array | None, speed: Array | None) -> Array | None:
+    """The time that passed, (n,) s, by distance and speed; None where they do not tell or the train stood."""
+    if driven is None or speed is None or np.any(speed <= 0.0):
+        return None
+    passed = np.concatenate([[0.0], np.cumsum(np.diff(driven) / (0.5 * (speed[1:] + speed[:-1])))])
+    return passed if np.all(np.diff(passed) > 0.0) else None
 
 
 def _no_time_passed(steps: Array, usual: float, driven: Array, speed: Array) -> Mask:
