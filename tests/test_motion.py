@@ -84,11 +84,12 @@ def wandering(seed: int) -> tuple[np.ndarray, np.ndarray]:
     return time, 30.0 + step * np.cumsum(acceleration)
 
 
-def test_how_far_a_distance_counted_from_whole_km_h_is_off_is_said() -> None:
+@pytest.mark.parametrize("renewed", [1, 50])
+def test_how_far_a_distance_counted_from_whole_km_h_is_off_is_said(renewed: int) -> None:
     inside, errors, said = [], [], []
     for seed in range(20):
         time, speed = wandering(seed)
-        steps = np.round(3.6 * speed) / 3.6
+        steps = np.round(3.6 * speed[np.arange(len(time)) // renewed * renewed]) / 3.6
         error = 0.02 * np.cumsum(speed_over_time(steps, time) - speed)
         deviation = deviation_of_counting(steps, time)
         assert deviation is not None
@@ -97,6 +98,16 @@ def test_how_far_a_distance_counted_from_whole_km_h_is_off_is_said() -> None:
         said.append(deviation)
     assert np.mean(inside) > 0.9
     assert np.sqrt(np.mean(np.square(said))) < 3.0 * np.sqrt(np.mean(np.square(errors)))
+
+
+def test_while_a_train_stands_its_place_does_not_become_less_known() -> None:
+    time = np.arange(0.0, 100.0, 0.1)
+    speed = np.round(3.6 * np.clip(np.abs(time - 50.0) - 20.0, 0.0, 10.0)) / 3.6
+    deviation = deviation_of_counting(speed, time)
+    assert deviation is not None
+    standing = np.abs(time - 50.0) < 19.0
+    assert np.ptp(deviation[standing]) == 0.0
+    assert deviation[-1] > deviation[500] > 0.0
 
 
 def test_of_a_continuous_speed_nothing_is_said() -> None:

@@ -120,19 +120,22 @@ def deviation_of_counting(speed: Array, time: Array) -> Array | None:
     --------
     >>> time = np.arange(0.0, 60.0, 0.1)
     >>> deviation_of_counting(np.round(10.0 + 0.2 * time), time)[[0, 300, 599]].round(2)
-    array([0.  , 1.2 , 1.69])
+    array([0. , 1.2, 1.7])
     """
     step = recorded_step(speed)
     if step == 0.0:
         return None
-    smoothed = speed_over_time(speed, time)
-    if _flickers(speed, smoothed, np.full(len(speed), step)):
-        variance = np.cumsum(np.square(np.gradient(time))) * step**2 / 12.0
-        return np.sqrt(variance)
-    changes = 0.5 * (time[1:] + time[:-1])[np.diff(speed) != 0.0]
-    edges = np.concatenate([time[:1], changes, time[-1:]])
+    interval = np.gradient(time)
+    new, smoothed = _renewed(speed, interval), speed_over_time(speed, time)
+    if _flickers(speed[new], smoothed[new], np.full(len(new), step)):
+        return np.sqrt(np.cumsum(np.square(interval * (speed > 0.0))) * step**2 / 12.0)
+    starts = np.concatenate([[0], 1 + np.flatnonzero(np.diff(speed))])
+    edges = np.append(time[starts], time[-1])
     lasts = np.diff(edges)
-    of_mean = np.minimum(step / np.sqrt(12.0), ACCELERATION_WALK * np.sqrt(lasts**3 / 120.0))
+    # A record that is renewed every so often changes later than the speed did.
+    late = step * (time[-1] - time[0]) / len(new) / np.maximum(lasts, interval[starts])
+    of_walk = np.hypot(ACCELERATION_WALK * np.sqrt(lasts**3 / 120.0), late / np.sqrt(12.0))
+    of_mean = np.where(speed[starts] > 0.0, np.minimum(step / np.sqrt(12.0), of_walk), 0.0)
     variance = np.concatenate([[0.0], np.cumsum(np.square(of_mean * lasts))])
     return np.sqrt(np.interp(time, edges, variance))
 
