@@ -1,0 +1,63 @@
+"""What `infer` leaves behind: on its page a signal stands beside what the profile makes of it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from trackprofile.contracts import Channel, build_recording, channels
+from trackprofile.demo import simulated
+from trackprofile.inference.estimate import estimate
+from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.outputs import write_estimate
+
+VELARO = read_vehicle("velaro")[0]
+
+
+@pytest.fixture(scope="module")
+def recorded() -> xr.Dataset:
+    """400 m of a bogie's acceleration and pitch rate."""
+    return simulated(
+        VELARO,
+        read_track("rigid"),
+        read_sensors("bogie-25ug"),
+        read_spectrum("german-low"),
+        400.0,
+        5,
+    )[0]
+
+
+def as_it_is(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
+    return up, pitch
+
+
+def upside_down(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
+    return replace(up, values=-np.asarray(up.values) - 9.81), pitch
+
+
+def round_the_other_way(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
+    # What reads gravity has the right sign: it is the vehicle that runs the other way round.
+    upright = replace(up, values=np.asarray(up.values) + 9.81)
+    return upright, replace(pitch, values=-np.asarray(pitch.values))
+
+
+def exchanged(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
+    return replace(up, values=pitch.values), replace(pitch, values=up.values)
+
+
+@pytest.mark.parametrize("mounted", [as_it_is, upside_down, round_the_other_way, exchanged])
+def test_the_page_shows_signals_as_they_were_taken(recorded, mounted, tmp_path: Path) -> None:
+    time, speed = (recorded[name].to_numpy() for name in ("time", "speed"))
+    parts = mounted(*channels(recorded))
+    recording = build_recording(parts, time=time, speed=speed)
+    found = estimate(recording, VELARO, prior=read_spectrum("german-low"), draws=8)
+    page = write_estimate(found, recording, tmp_path / "p.nc")[1].read_text(encoding="utf-8")
+    said = re.findall(r"RMS ([\d.]+) \S+, of ([\d.]+) \S+ measured", page)
+    assert len(said) == 2
+    for residual, measured in said:
+        assert float(residual) < 0.3 * float(measured)
