@@ -72,10 +72,10 @@ def motion(recording: xr.Dataset) -> Motion:
     if time is not None and speed is not None:
         speed = speed_over_time(speed, time)
         if distance is None:
-            distance = _integral(speed, time)
+            distance = integral(speed, time)
     elif distance is not None and speed is not None:
         speed = speed_over_distance(speed, distance)
-        time = _integral(1.0 / speed, distance)
+        time = integral(1.0 / speed, distance)
     elif time is not None and distance is not None:
         speed = np.clip(np.gradient(distance, time), 0.0, None)
     else:
@@ -126,8 +126,8 @@ def deviation_of_counting(speed: Array, time: Array) -> Array | None:
     if step == 0.0:
         return None
     interval = np.gradient(time)
-    new, smoothed = _renewed(speed, interval), speed_over_time(speed, time)
-    if _flickers(speed[new], smoothed[new], np.full(len(new), step)):
+    new, steps = _renewed(speed, interval), np.full(len(speed), step)
+    if _if_independent(speed, time, steps, new, _walk(time)) is not None:
         return np.sqrt(np.cumsum(np.square(interval * (speed > 0.0))) * step**2 / 12.0)
     starts = np.concatenate([[0], 1 + np.flatnonzero(np.diff(speed))])
     edges = np.append(time[starts], time[-1])
@@ -202,11 +202,10 @@ def _within_steps(values: Array, at: Array, step: Array, interval: Array, walk: 
     walk : (n - 2,), variance of the change of slope
     """
     new = _renewed(values, interval)
+    independent = _if_independent(values, at, step, new, walk)
+    if independent is not None:
+        return independent
     told, noise = values.copy(), np.full(len(values), np.inf)
-    noise[new] = step[new] ** 2 / 12.0
-    smoothed = _smooth(told, at, noise, walk)
-    if _flickers(values[new], smoothed[new], step[new]):
-        return smoothed
     lasts = np.diff(np.cumsum(interval)[new], append=np.sum(interval))
     told[new], noise[new] = _told_by_changes(values[new], step[new], lasts)
     return _smooth(told, at, noise, walk)
@@ -266,12 +265,18 @@ def _renewed(values: Array, interval: Array) -> NDArray[np.intp]:
     return np.arange(len(values))
 
 
-def _flickers(values: Array, smoothed: Array, step: Array) -> bool:
-    """Whether readings were noisy before they were rounded, so that they err independently.
+def _if_independent(
+    values: Array, at: Array, step: Array, new: NDArray[np.intp], walk: Array
+) -> Array | None:
+    """The ``new`` readings taken for independent and smoothed, if they are: noisy before they were rounded.
 
-    Then what comes of taking them for independent lies outside their steps.
+    Then what comes of it lies outside their steps.
     """
-    return bool(np.mean(np.abs(smoothed - values) > OUTSIDE * step) > FLICKERS)
+    noise = np.full(len(values), np.inf)
+    noise[new] = step[new] ** 2 / 12.0
+    smoothed = _smooth(values, at, noise, walk)
+    outside = np.abs(smoothed - values)[new] > OUTSIDE * step[new]
+    return smoothed if np.mean(outside) > FLICKERS else None
 
 
 def _walk(at: Array) -> Array:
@@ -297,5 +302,12 @@ def _variable(recording: xr.Dataset, name: str) -> Array | None:
     return recording[name].to_numpy().astype(np.float64) if name in recording else None
 
 
-def _integral(values: Array, at: Array) -> Array:
+def integral(values: Array, at: Array) -> Array:
+    """Of values at places or times, (n,), from the first on, (n,), by the trapezoidal rule.
+
+    Examples
+    --------
+    >>> integral(np.array([1.0, 3.0, 3.0]), np.array([0.0, 1.0, 3.0]))
+    array([0., 2., 8.])
+    """
     return np.concatenate([[0.0], np.cumsum(np.diff(at) * 0.5 * (values[1:] + values[:-1]))])

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
+from trackprofile.motion import integral
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -122,7 +123,7 @@ def _passed(driven: Array | None, speed: Array | None) -> Array | None:
     """The time that passed, (n,) s, by distance and speed; None where they do not tell or the train stood."""
     if driven is None or speed is None or np.any(speed <= 0.0):
         return None
-    passed = np.concatenate([[0.0], np.cumsum(np.diff(driven) / (0.5 * (speed[1:] + speed[:-1])))])
+    passed = integral(1.0 / speed, driven)
     return passed if np.all(np.diff(passed) > 0.0) else None
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.conditioning.chain import Chain, Smoothed, log_likelihood, smooth
+from trackprofile.motion import integral
 
 Array = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ def own_line(time: Array, points: Array, run: Array | None) -> tuple[Array, Arra
     per_metre = np.maximum(np.linalg.norm(slope, axis=1), LEAST)
     # What is left of the bends in a smooth curve is shorter by half the square of the directions that it lacks.
     lacking = np.minimum(found.covariance[:, 1, 1] / (2 * per_metre), LACKING)
-    length = _integral(per_metre + lacking, at)
+    length = integral(per_metre + lacking, at)
     left = off - place[likely.node]
     along = np.sum(left * slope[likely.node], axis=1) / per_metre[likely.node]
     beside = np.sqrt(np.maximum(np.sum(left**2, axis=1) - along**2, 0.0))
@@ -96,7 +97,7 @@ def own_line(time: Array, points: Array, run: Array | None) -> tuple[Array, Arra
 def _run(time: Array, off: Array) -> Array:
     """How far a train ran by its positions alone, about, (n,) m."""
     found, _ = _laid(_curve(time, time, STEERS), off)
-    return _integral(np.linalg.norm(found.state[:, 1], axis=1), time)
+    return integral(np.linalg.norm(found.state[:, 1], axis=1), time)
 
 
 def _curve(at: Array, where: Array, walk: float) -> Chain:
@@ -133,7 +134,3 @@ def _laid(curve: Chain, off: Array) -> tuple[Smoothed, Array]:
         same = np.array_equal(before > 0.0, far) and abs(np.log(shown)) < SETTLED
         if same or rounds == MOST_ROUNDS:
             return found, variance
-
-
-def _integral(values: Array, at: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(np.diff(at) * 0.5 * (values[1:] + values[:-1]))])

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.profile import Quality, validate_profile
-from trackprofile.contracts.rows import flags_of, put, refuse_first, values_of
+from trackprofile.contracts.rows import check_beside_gaps, flags_of, put, values_of
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
@@ -154,11 +154,7 @@ def validate_rails(profile: xr.Dataset) -> xr.Dataset:
             if name == QUALITY:
                 continue
             values = values_of(profile, name, "distance", "m")
-            good = np.isfinite(values) & ((values >= 0) | (name == own))
-            wanted = "a finite number" if name == own else "a finite number, zero or more"
-            refuse_first(
-                ~(good | (gap & np.isnan(values))), name, f"expected {wanted}; mark or remove the row."
-            )  # fmt: skip
+            check_beside_gaps(name, values, gap, signed=name == own)
     return profile
 
 

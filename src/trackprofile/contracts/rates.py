@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
 from trackprofile.contracts.profile import Quality
 from trackprofile.contracts.rails import validate_rails
-from trackprofile.contracts.rows import flags_of, put, refuse_first, values_of
+from trackprofile.contracts.rows import check_beside_gaps, flags_of, put, values_of
 from trackprofile.errors import DataError
 
 FUSED = "fusion of"
@@ -83,9 +82,7 @@ def validate_rate(profile: xr.Dataset) -> xr.Dataset:
     gap = (flags_of(profile, "quality", "distance") & Quality.GAP) != 0
     for name in names:
         values = values_of(profile, name, "distance", UNIT)
-        good = np.isfinite(values) & ((values >= 0) | (name == RATE))
-        wanted = "a finite number" if name == RATE else "a finite number, zero or more"
-        refuse_first(~(good | (gap & np.isnan(values))), name, f"expected {wanted}; mend the row.")
+        check_beside_gaps(name, values, gap, signed=name == RATE)
     return profile
 
 

@@ -99,6 +99,15 @@ def check_deviation(name: str, values: Array) -> None:
     )
 
 
+def check_beside_gaps(name: str, values: Array, gap: NDArray[np.bool_], *, signed: bool) -> None:
+    """Refuses what is not finite, but for NaN in a gap, and what is below zero unless it is ``signed``."""
+    good = np.isfinite(values) & ((values >= 0) | signed)
+    wanted = "a finite number" if signed else "a finite number, zero or more"
+    refuse_first(
+        ~(good | (gap & np.isnan(values))), name, f"expected {wanted}; mark or remove the row."
+    )
+
+
 def check_increasing(
     name: str, values: Array, unit: str, *, standing_allowed: bool = False
 ) -> None:

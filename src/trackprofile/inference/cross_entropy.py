@@ -159,7 +159,11 @@ def cross_entropy(
     march = _march(model, scans, search, evaluation, np.random.default_rng(seed), progress)
     found = Found(
         _profile(model, march, search, vehicle, track, seed, notes),
-        {name: signal for name, signal in data.taken.items() if name in recording},
+        {
+            one.name: signal
+            for one, signal in zip(data.sensors, data.taken.T, strict=True)
+            if one.name in recording
+        },
         _reproduced(recording, model, scans, march),
         along_track(data.motion, installation.origin, installation.distance_scale).distance,
         tuple(march.phases),

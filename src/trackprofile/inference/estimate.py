@@ -187,11 +187,6 @@ class _Inferred:
     blocks: int
 
     @property
-    def taken(self) -> Array:
-        """(samples, sensors)"""
-        return np.stack([*self.data.taken.values()], axis=1)
-
-    @property
     def reproduced(self) -> Array:
         """(samples, sensors)"""
         return self.data.signals - self.piece.left
@@ -268,7 +263,7 @@ def _together(
         profile = with_rails(profile, levels_of(found, across, sides.shared), across.flags)
     return Estimate(
         with_provenance(profile, "; ".join([mean.step, *notes])),
-        sides.of_sensors(mean.taken, None if difference is None else difference.taken),
+        sides.of_sensors(mean.data.taken, None if difference is None else difference.data.taken),
         sides.of_sensors(mean.reproduced, None if difference is None else difference.reproduced),
         mean.run,
         mean.model,

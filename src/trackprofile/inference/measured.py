@@ -89,10 +89,9 @@ class Measured:
     turned: bool = False
 
     @property
-    def taken(self) -> dict[str, Array]:
-        """By sensor, (n,), its signal; NaN where it is not valid."""
-        signals = np.where(self.valid, self.signals, np.nan)
-        return {one.name: signal for one, signal in zip(self.sensors, signals.T, strict=True)}
+    def taken(self) -> Array:
+        """The signals, (n, sensors); NaN where they are not valid."""
+        return np.where(self.valid, self.signals, np.nan)
 
     def part(self, rows: slice | Mask) -> Measured:
         """The same of some samples only."""
