@@ -13,7 +13,7 @@ from trackprofile.bands import BANDS
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_spectrum
-from trackprofile.irregularity import random
+from trackprofile.models.irregularity import random
 from trackprofile.store import Entry, Origin, Place, Store, add
 
 EN, SPEED = read_limits("en-13848"), 140 / 3.6

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from trackprofile.contracts import Channel, build_recording
-from trackprofile.integrate import newmark
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.irregularity import random
-from trackprofile.receptance import point_track
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import random
+from trackprofile.models.receptance import point_track
 from trackprofile.simulation.drive import Drive
 from trackprofile.simulation.simulate import Run, Simulation, felt, simulate
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from trackprofile.irregularity import Irregularity
-from trackprofile.track import LayeredTrack
-from trackprofile.vehicle import HEAVE, Vehicle, assemble
+from trackprofile.models.irregularity import Irregularity
+from trackprofile.models.track import LayeredTrack
+from trackprofile.models.vehicle import HEAVE, Vehicle, assemble
 
 Array = NDArray[np.float64]
 HERMITE = (

@@ -8,14 +8,14 @@ import numpy as np
 import xarray as xr
 
 from trackprofile.contracts import Channel, build_profile, build_recording
-from trackprofile.integrate import newmark
 from trackprofile.io.model_toml import read_track, read_vehicle
-from trackprofile.irregularity import random
-from trackprofile.sensor import Sensor
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import random
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.track import Track
 from trackprofile.simulation.drive import Drive, steady
 from trackprofile.simulation.simulate import Run, felt, simulate
-from trackprofile.spectrum import Spectrum
-from trackprofile.track import Track
 
 VELARO = read_vehicle("velaro")[0]
 LAYERED = read_track("zhai-layered")

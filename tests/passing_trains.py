@@ -21,9 +21,9 @@ from trackprofile.bands import BANDS, band_pass, edge_distance, gain
 from trackprofile.contracts import build_profile, known_elevation
 from trackprofile.fusion.fuse import Fused
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.irregularity import Dip
-from trackprofile.receptance import point_track
-from trackprofile.statespace import state_space, transfer_function
+from trackprofile.models.irregularity import Dip
+from trackprofile.models.receptance import point_track
+from trackprofile.models.statespace import state_space, transfer_function
 
 Array = np.ndarray
 SPACING = 0.25

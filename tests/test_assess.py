@@ -20,7 +20,7 @@ from trackprofile.errors import DataError
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import presets, read_roughness, read_spectrum
 from trackprofile.limits import Action, DefectLimits, Limits, QualityClasses
-from trackprofile.spectrum import Spectrum
+from trackprofile.models.spectrum import Spectrum
 
 SPACING = 0.25
 EN = read_limits("en-13848")

@@ -19,9 +19,9 @@ from trackprofile.inference.bound import limit
 from trackprofile.inference.ride import build_ride
 from trackprofile.inference.smoother import Filter, error_draws, prepare, smooth, start_of_ride
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.statespace import state_space, transfer_function
 from trackprofile.motion import Motion
-from trackprofile.sensor import Sensor
-from trackprofile.statespace import state_space, transfer_function
 
 VELARO, RIGID = read_vehicle("velaro")[0], read_track("rigid")
 GRADES = ("bogie-1ug", "bogie-25ug", "bogie-100ug", "bogie-1mg")

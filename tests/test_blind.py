@@ -16,11 +16,11 @@ from trackprofile.demo import simulated
 from trackprofile.inference.calibration import Calibration, calibrate
 from trackprofile.inference.estimate import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track
-from trackprofile.receptance import point_track
-from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.vehicle import Vehicle, parameter_values, with_parameters
 from trackprofile.simulation.drive import Drive
 from trackprofile.units import STANDARD_GRAVITY
-from trackprofile.vehicle import Vehicle, parameter_values, with_parameters
 
 FRA_5, TRACK = read_spectrum("fra-5"), read_track("zhai-layered")
 ZHAI = point_track(read_track("zhai"))

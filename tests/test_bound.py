@@ -11,7 +11,7 @@ from trackprofile.bands import BANDS, Band
 from trackprofile.errors import ModelError
 from trackprofile.inference.bound import limit
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.statespace import state_space, transfer_function
+from trackprofile.models.statespace import state_space, transfer_function
 
 VELARO = read_vehicle("velaro")[0]
 SPEED = 150 / 3.6

@@ -15,8 +15,8 @@ from trackprofile.errors import DataError, ModelError, UndeterminedError
 from trackprofile.inference.calibration import calibrate
 from trackprofile.inference.estimate import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.sensor import Installation
-from trackprofile.vehicle import parameter_values, with_parameters
+from trackprofile.models.sensor import Installation
+from trackprofile.models.vehicle import parameter_values, with_parameters
 
 VELARO = read_vehicle("velaro")[0]
 TRUE = parameter_values(VELARO)

@@ -18,11 +18,11 @@ from trackprofile.bands import BANDS, D1, band_pass, gain
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError
 from trackprofile.inference.estimate import infer
-from trackprofile.integrate import newmark
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_sensors, read_spectrum
-from trackprofile.irregularity import Dip, Sum, random
 from trackprofile.limits import Action
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import Dip, Sum, random
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, felt, simulate
 

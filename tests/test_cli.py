@@ -21,7 +21,7 @@ from trackprofile.io.model_toml import (
     read_vehicle,
     write_vehicle,
 )
-from trackprofile.vehicle import parameter_values, with_parameters
+from trackprofile.models.vehicle import parameter_values, with_parameters
 
 
 @pytest.fixture(scope="module")

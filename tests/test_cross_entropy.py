@@ -21,11 +21,11 @@ from trackprofile.inference.cross_entropy import (
     weights,
 )
 from trackprofile.inference.trial import trial
-from trackprofile.integrate import wilson
 from trackprofile.io.model_toml import read_track, read_vehicle
-from trackprofile.irregularity import Bell
+from trackprofile.models.integrate import wilson
+from trackprofile.models.irregularity import Bell
+from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.search import TABLE_5, TABLE_6, Evaluation, Objective, Search, Variant
-from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 
 Array = NDArray[np.float64]
 

@@ -26,12 +26,12 @@ from trackprofile.inference.estimate import Estimate, estimate
 from trackprofile.io import read
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import read_columns
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import Installation
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.track import PointTrack, RigidTrack
+from trackprofile.models.vehicle import Vehicle
 from trackprofile.motion import motion
-from trackprofile.receptance import point_track
-from trackprofile.sensor import Installation
-from trackprofile.spectrum import Spectrum
-from trackprofile.track import PointTrack, RigidTrack
-from trackprofile.vehicle import Vehicle
 
 Array = np.ndarray
 BANDS = (D1, D2)

@@ -12,10 +12,10 @@ from trackprofile.contracts import channels
 from trackprofile.demo import SAMPLING, run, simulated
 from trackprofile.errors import FileError
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_vehicle
-from trackprofile.sensor import Sensor
-from trackprofile.spectrum import Spectrum
-from trackprofile.statespace import state_space, transfer_function
-from trackprofile.track import RigidTrack
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.statespace import state_space, transfer_function
+from trackprofile.models.track import RigidTrack
 
 WIDE = Sensor("a", "vertical acceleration", "body", 2.0, noise_density=1e-9)
 

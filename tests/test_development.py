@@ -14,8 +14,8 @@ from trackprofile.assessment.development import development
 from trackprofile.bands import BANDS, D1, D3, band_pass
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import DataError
-from trackprofile.irregularity import Dip
 from trackprofile.limits import Action
+from trackprofile.models.irregularity import Dip
 
 PLACE = int(1000.0 / SPACING)
 SHAPE = {band.name: band_pass(Dip(1.0, 6.0, 1000.0).at(AT)[0], SPACING, band)[PLACE] for band in BANDS}  # fmt: skip

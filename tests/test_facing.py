@@ -19,10 +19,10 @@ from trackprofile.inference.estimate import estimate
 from trackprofile.inference.facing import facing
 from trackprofile.inference.measured import Measured, measured
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
-from trackprofile.receptance import point_track
-from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
+from trackprofile.models.vehicle import Vehicle, turned_round
 from trackprofile.units import STANDARD_GRAVITY
-from trackprofile.vehicle import Vehicle, turned_round
 
 ZHAI, ROUGH = point_track(read_track("zhai")), read_spectrum("german-low")
 VELARO = read_vehicle("velaro")[0]

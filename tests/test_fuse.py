@@ -20,7 +20,7 @@ from trackprofile.errors import DataError
 from trackprofile.fusion.fuse import Fused, fuse
 from trackprofile.fusion.judge import Reason
 from trackprofile.fusion.words import summary
-from trackprofile.irregularity import Dip
+from trackprofile.models.irregularity import Dip
 
 LINE = Line(length=1250.0, seed=5, settled=0.002, at=700.0)
 LAST = FIRST + timedelta(days=30)

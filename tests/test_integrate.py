@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from trackprofile.errors import ModelError
-from trackprofile.integrate import Response, Scheme, integrate, newmark, wilson
+from trackprofile.models.integrate import Response, Scheme, integrate, newmark, wilson
 
 Array = NDArray[np.float64]
 SCHEMES = pytest.mark.parametrize("scheme", [newmark, wilson])

@@ -16,7 +16,7 @@ from scipy.signal import welch
 from trackprofile.bands import BANDS, D1, Band, band_pass, gain
 from trackprofile.errors import DataError, ModelError
 from trackprofile.io.model_toml import presets, read_roughness
-from trackprofile.irregularity import (
+from trackprofile.models.irregularity import (
     Bell,
     Cosines,
     Dip,
@@ -26,7 +26,7 @@ from trackprofile.irregularity import (
     Sum,
     random,
 )
-from trackprofile.spectrum import Spectrum
+from trackprofile.models.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 

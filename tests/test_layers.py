@@ -68,7 +68,7 @@ def test_a_module_imports_only_from_below(module: Path) -> None:
     [
         ("from trackprofile.io.atomic import whole_files", ["io"]),
         ("from trackprofile import cli, demo", ["cli", "demo"]),
-        ("import trackprofile.vehicle as v\nimport numpy", ["vehicle"]),
+        ("import trackprofile.models.vehicle as v\nimport numpy", ["vehicle"]),
         ("def late():\n    from trackprofile.plot import page", ["plot"]),
     ],
 )

@@ -24,11 +24,11 @@ from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
 from trackprofile.inference.blocks import Piece
 from trackprofile.inference.estimate import estimate
-from trackprofile.integrate import newmark
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.irregularity import Sampled
-from trackprofile.receptance import point_track
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import Sampled
+from trackprofile.models.receptance import point_track
 from trackprofile.resume import Kept, kept_beside, key_of
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, felt, simulate

@@ -21,10 +21,10 @@ from trackprofile.io.model_toml import (
     write_vehicle,
 )
 from trackprofile.io.toml_document import document
-from trackprofile.sensor import Installation, Sensor
-from trackprofile.spectrum import Piece, PowerLaw
-from trackprofile.track import Change, ElasticTrack, LayeredTrack, RigidTrack
-from trackprofile.vehicle import (
+from trackprofile.models.sensor import Installation, Sensor
+from trackprofile.models.spectrum import Piece, PowerLaw
+from trackprofile.models.track import Change, ElasticTrack, LayeredTrack, RigidTrack
+from trackprofile.models.vehicle import (
     OF_ROLL,
     Body,
     Link,

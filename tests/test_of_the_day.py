@@ -20,9 +20,9 @@ from trackprofile.io.model_toml import (
     read_vehicle,
     write_vehicle,
 )
-from trackprofile.receptance import point_track
-from trackprofile.sensor import Installation, Residual, Uncertainty
-from trackprofile.vehicle import parameter_values, with_parameters
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import Installation, Residual, Uncertainty
+from trackprofile.models.vehicle import parameter_values, with_parameters
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 SENSORS, SPECTRUM = read_sensors("bogie-100ug"), read_spectrum("german-low")

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from trackprofile.integrate import Scheme, newmark, wilson
 from trackprofile.io.model_toml import read_vehicle
-from trackprofile.irregularity import Bell, Cosines, Flat, Irregularity
+from trackprofile.models.integrate import Scheme, newmark, wilson
+from trackprofile.models.irregularity import Bell, Cosines, Flat, Irregularity
+from trackprofile.models.track import LayeredTrack, Support
+from trackprofile.models.vehicle import Vehicle, with_parameters
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, Simulation, simulate
-from trackprofile.track import LayeredTrack, Support
-from trackprofile.vehicle import Vehicle, with_parameters
 
 Array = NDArray[np.float64]
 QUANTITIES = ("bogie acceleration", "pitch rate", "rail deflection", "contact force")

@@ -24,8 +24,8 @@ from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import write_columns
 from trackprofile.location import Way
-from trackprofile.receptance import point_track
-from trackprofile.sensor import Installation
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import Installation
 from train_rides import DIAMETER, PULSE, PULSES, World, ride, sources
 
 Array = np.ndarray

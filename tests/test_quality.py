@@ -14,8 +14,8 @@ from trackprofile.demo import simulated
 from trackprofile.inference.estimate import estimate
 from trackprofile.inference.quality import felt_at
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.models.receptance import point_track
 from trackprofile.motion import motion
-from trackprofile.receptance import point_track
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 SENSORS, SPECTRUM = read_sensors("bogie-100ug"), read_spectrum("fra-5")

@@ -37,10 +37,10 @@ from trackprofile.inference.measured import measured
 from trackprofile.inference.rails import by_rail, levels_of
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import read_spectrum, write_vehicle
-from trackprofile.sensor import Installation, Sensor, Uncertainty
-from trackprofile.spectrum import Spectrum
-from trackprofile.track import RigidTrack
-from trackprofile.vehicle import Parameter
+from trackprofile.models.sensor import Installation, Sensor, Uncertainty
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.track import RigidTrack
+from trackprofile.models.vehicle import Parameter
 from two_rails import WAGON, Ridden, random_rails, recorded, ride
 
 SPEED, SAMPLING, LENGTH = 30.0, 100.0, 300.0

@@ -29,14 +29,14 @@ from trackprofile.inference.ride import build_ride
 from trackprofile.inference.smoother import prepare, smooth, start_of_ride
 from trackprofile.io.model_toml import read_spectrum, read_vehicle
 from trackprofile.io.table import read_columns
+from trackprofile.models.roll import halves_of, pairs_of, rolling
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.statespace import state_space
+from trackprofile.models.track import RigidTrack
+from trackprofile.models.vehicle import Vehicle
 from trackprofile.motion import Motion
-from trackprofile.roll import halves_of, pairs_of, rolling
-from trackprofile.sensor import Sensor
-from trackprofile.spectrum import Spectrum
-from trackprofile.statespace import state_space
-from trackprofile.track import RigidTrack
 from trackprofile.units import STANDARD_GRAVITY
-from trackprofile.vehicle import Vehicle
 from two_rails import random_rails, recorded, response, ride
 
 VELARO = read_vehicle("velaro")[0]

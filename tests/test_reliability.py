@@ -14,7 +14,7 @@ from trackprofile.demo import simulated
 from trackprofile.inference.estimate import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.limits import Action, DefectLimits, Limits
-from trackprofile.receptance import point_track
+from trackprofile.models.receptance import point_track
 
 VELARO, ZHAI, FRA_5 = (
     read_vehicle("velaro")[0], point_track(read_track("zhai")), read_spectrum("fra-5"),

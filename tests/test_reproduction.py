@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from trackprofile.errors import FileError
-from trackprofile.integrate import newmark, wilson
-from trackprofile.irregularity import Bell
+from trackprofile.models.integrate import newmark, wilson
+from trackprofile.models.irregularity import Bell
 from trackprofile.paper import (
     bell,
     finely_ridden,

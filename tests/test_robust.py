@@ -15,7 +15,7 @@ from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.estimate import Estimate, estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.receptance import point_track
+from trackprofile.models.receptance import point_track
 
 Array = np.ndarray
 

@@ -15,8 +15,8 @@ from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
 from trackprofile.inference.bound import limit_per_rail
 from trackprofile.io.model_toml import presets, read_spectrum, read_vehicle, write_vehicle
-from trackprofile.modes import roll_modes
-from trackprofile.roll import (
+from trackprofile.models.modal import roll_modes
+from trackprofile.models.roll import (
     halves_of,
     pairs_of,
     roll_unknowns,
@@ -25,10 +25,10 @@ from trackprofile.roll import (
     rolling_wheels,
     shared_noise,
 )
-from trackprofile.sensor import Installation, Sensor
-from trackprofile.statespace import state_space, transfer_function
-from trackprofile.track import ElasticTrack, RigidTrack
-from trackprofile.vehicle import OF_ROLL, Vehicle, parameter_values, with_parameters
+from trackprofile.models.sensor import Installation, Sensor
+from trackprofile.models.statespace import state_space, transfer_function
+from trackprofile.models.track import ElasticTrack, RigidTrack
+from trackprofile.models.vehicle import OF_ROLL, Vehicle, parameter_values, with_parameters
 from two_rails import WAGON, response
 
 OMEGA = 2 * np.pi / np.array([200.0, 70.0, 25.0, 11.0, 5.5, 3.1])

@@ -25,7 +25,7 @@ from trackprofile.contracts import Channel, build_recording
 from trackprofile.inference.estimate import infer
 from trackprofile.inference.smoother import smooth
 from trackprofile.io.model_toml import read_sensors, read_spectrum
-from trackprofile.sensor import Sensor
+from trackprofile.models.sensor import Sensor
 
 Array = np.ndarray
 LENGTH = 4000.0  # m

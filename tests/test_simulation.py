@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
-from trackprofile.integrate import newmark
 from trackprofile.io.model_toml import read_track, read_vehicle
-from trackprofile.irregularity import Bell, Cosines, Flat, Irregularity, Sum
-from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import Bell, Cosines, Flat, Irregularity, Sum
+from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.statespace import state_space, transfer_function
+from trackprofile.models.track import ElasticTrack, LayeredTrack, RigidTrack, Support
+from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel, assemble
 from trackprofile.simulation import layered
 from trackprofile.simulation.drive import Drive, steady
 from trackprofile.simulation.mechanics import GRAVITY
 from trackprofile.simulation.simulate import Run, SetIn, Simulation, felt, simulate
-from trackprofile.statespace import state_space, transfer_function
-from trackprofile.track import ElasticTrack, LayeredTrack, RigidTrack, Support
-from trackprofile.vehicle import Body, Link, Vehicle, Wheel, assemble
 
 from .full_model import Passage, passage, whole_track
 

@@ -21,12 +21,12 @@ from trackprofile.inference.smoother import (
     start_of_ride,
     variances,
 )
+from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.spectrum import Spectrum, markov
+from trackprofile.models.statespace import StateSpace, generator, state_space
+from trackprofile.models.track import ElasticTrack, RigidTrack, Track
+from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel
 from trackprofile.motion import Motion
-from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
-from trackprofile.spectrum import Spectrum, markov
-from trackprofile.statespace import StateSpace, generator, state_space
-from trackprofile.track import ElasticTrack, RigidTrack, Track
-from trackprofile.vehicle import Body, Link, Vehicle, Wheel
 
 Array = np.ndarray
 SPACING = 0.25

@@ -9,7 +9,7 @@ import pytest
 
 from trackprofile.errors import ModelError
 from trackprofile.io.model_toml import presets, read_roughness, read_spectrum
-from trackprofile.spectrum import Piece, PowerLaw, Spectrum, draw, markov, rational
+from trackprofile.models.spectrum import Piece, PowerLaw, Spectrum, draw, markov, rational
 
 FRA6 = Spectrum("FRA 6", 1.5e-6, 0.0206, 0.825)
 

@@ -14,16 +14,16 @@ from scipy.signal import butter, freqs
 from trackprofile.errors import ModelError
 from trackprofile.inference.bay_kernels import _evaluate
 from trackprofile.io.model_toml import read_track, read_vehicle
-from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
-from trackprofile.statespace import (
+from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.statespace import (
     StateSpace,
     generator,
     state_space,
     step_table,
     transfer_function,
 )
-from trackprofile.track import ElasticTrack, RigidTrack
-from trackprofile.vehicle import HEAVE, PITCH, assemble
+from trackprofile.models.track import ElasticTrack, RigidTrack
+from trackprofile.models.vehicle import HEAVE, PITCH, assemble
 
 OMEGA = 2 * np.pi / np.array([200.0, 70.0, 25.0, 11.0, 5.0, 3.0])
 ON_BOGIE = (

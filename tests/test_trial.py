@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from trackprofile.inference.trial import Trial, backward_derivatives, trial
-from trackprofile.integrate import newmark, wilson
 from trackprofile.io.model_toml import read_track, read_vehicle
-from trackprofile.irregularity import Bell
-from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.integrate import newmark, wilson
+from trackprofile.models.irregularity import Bell
+from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.simulation.drive import Drive
 from trackprofile.simulation.simulate import Run, felt, simulate
 

@@ -19,10 +19,10 @@ from trackprofile.inference.parameters import vehicle_parameters
 from trackprofile.inference.passes import informative, passes_of, short
 from trackprofile.inference.usable import explained, limited
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.receptance import point_track
-from trackprofile.sensor import Installation
-from trackprofile.spectrum import scaled
-from trackprofile.vehicle import parameter_values, with_parameters
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import Installation
+from trackprofile.models.spectrum import scaled
+from trackprofile.models.vehicle import parameter_values, with_parameters
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 SENSORS, SPECTRUM = read_sensors("bogie-100ug"), read_spectrum("german-low")

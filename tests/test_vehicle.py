@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from trackprofile.errors import ModelError
 from trackprofile.io.model_toml import read_vehicle
-from trackprofile.vehicle import (
+from trackprofile.models.vehicle import (
     HEAVE,
     PITCH,
     Body,

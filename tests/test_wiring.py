@@ -17,9 +17,9 @@ from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured, measured
 from trackprofile.inference.wiring import rewired
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.receptance import point_track
-from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
-from trackprofile.vehicle import parameter_values, with_parameters
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
+from trackprofile.models.vehicle import parameter_values, with_parameters
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 THREE = tuple(

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel
-from trackprofile.sensor import Sensor
-from trackprofile.spectrum import Spectrum
-from trackprofile.track import ElasticTrack, RigidTrack
-from trackprofile.vehicle import Body, Link, Vehicle, Wheel
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.track import ElasticTrack, RigidTrack
+from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from trackprofile.inference.estimate import infer as infer
     from trackprofile.io import read as read
     from trackprofile.io import write as write
+    from trackprofile.models.sensor import Sensor as Sensor
+    from trackprofile.models.spectrum import Spectrum as Spectrum
+    from trackprofile.models.track import ElasticTrack as ElasticTrack
+    from trackprofile.models.track import LayeredTrack as LayeredTrack
+    from trackprofile.models.track import RigidTrack as RigidTrack
+    from trackprofile.models.vehicle import Vehicle as Vehicle
     from trackprofile.reporting import report as report
-    from trackprofile.sensor import Sensor as Sensor
     from trackprofile.simulation.simulate import simulate as simulate
-    from trackprofile.spectrum import Spectrum as Spectrum
-    from trackprofile.track import ElasticTrack as ElasticTrack
-    from trackprofile.track import LayeredTrack as LayeredTrack
-    from trackprofile.track import RigidTrack as RigidTrack
-    from trackprofile.vehicle import Vehicle as Vehicle
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "ElasticTrack": "track",
-    "LayeredTrack": "track",
-    "RigidTrack": "track",
-    "Sensor": "sensor",
-    "Spectrum": "spectrum",
-    "Vehicle": "vehicle",
+    "ElasticTrack": "models.track",
+    "LayeredTrack": "models.track",
+    "RigidTrack": "models.track",
+    "Sensor": "models.sensor",
+    "Spectrum": "models.spectrum",
+    "Vehicle": "models.vehicle",
     "assess": "assessment.assess",
     "calibrate": "inference.calibration",
     "changes": "assessment.changes",

@@ -21,7 +21,6 @@ from trackprofile.inference.cross_entropy import cross_entropy
 from trackprofile.inference.measured import KNOT_SPACING
 from trackprofile.inference.ride import build_ride
 from trackprofile.inference.smoother import prepare, smooth, start_of_ride, variances
-from trackprofile.integrate import newmark
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import (
     presets,
@@ -31,18 +30,19 @@ from trackprofile.io.model_toml import (
     read_track,
     read_vehicle,
 )
-from trackprofile.irregularity import Flat, random
 from trackprofile.machine import in_one_thread, machine, peak_memory
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import Flat, random
+from trackprofile.models.receptance import point_track
+from trackprofile.models.statespace import state_space
+from trackprofile.models.track import Track
+from trackprofile.models.vehicle import Vehicle
 from trackprofile.motion import Motion
 from trackprofile.paper import bell, model_b, recorded, ridden
-from trackprofile.receptance import point_track
 from trackprofile.reporting import report
 from trackprofile.search import TABLE_5, TABLE_6, Variant
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, simulate
-from trackprofile.statespace import state_space
-from trackprofile.track import Track
-from trackprofile.vehicle import Vehicle
 
 SPEED = 150 / 3.6  # m/s
 SAMPLING = 500.0  # Hz

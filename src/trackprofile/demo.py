@@ -28,13 +28,13 @@ from trackprofile.io.model_toml import (
     read_vehicle,
     write_vehicle,
 )
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.spectrum import Spectrum, draw
+from trackprofile.models.statespace import StateSpace, state_space
+from trackprofile.models.track import PointTrack
+from trackprofile.models.vehicle import Vehicle
 from trackprofile.outputs import write_estimate
-from trackprofile.receptance import point_track
-from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor
-from trackprofile.spectrum import Spectrum, draw
-from trackprofile.statespace import StateSpace, state_space
-from trackprofile.track import PointTrack
-from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.inference.trial import Trial, trial
-from trackprofile.instrument import Instrument, measure
-from trackprofile.integrate import newmark, wilson
 from trackprofile.io.model_toml import (
     read_instruments,
     read_spectrum,
     read_track,
     read_vehicle,
 )
-from trackprofile.irregularity import Bell, Irregularity, Sum, random
-from trackprofile.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
+from trackprofile.models.integrate import newmark, wilson
+from trackprofile.models.irregularity import Bell, Irregularity, Sum, random
+from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
+from trackprofile.models.sensor_errors import Instrument, measure
+from trackprofile.models.track import Track
+from trackprofile.models.vehicle import Vehicle
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, felt, simulate
-from trackprofile.track import Track
-from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -41,8 +41,6 @@ import xarray as xr
 
 from trackprofile.contracts import Channel, build_profile, build_recording, with_provenance
 from trackprofile.errors import FileError, ModelError, TrackprofileError
-from trackprofile.instrument import Instrument, anti_aliased, measure
-from trackprofile.integrate import Scheme, newmark, wilson
 from trackprofile.io.model_toml import read_instruments, read_track, read_vehicle
 from trackprofile.io.scenario_tables import (
     ChangeTable,
@@ -53,12 +51,14 @@ from trackprofile.io.scenario_tables import (
 )
 from trackprofile.io.table import located
 from trackprofile.io.toml_document import load
-from trackprofile.irregularity import Irregularity, Sum
+from trackprofile.models.integrate import Scheme, newmark, wilson
+from trackprofile.models.irregularity import Irregularity, Sum
+from trackprofile.models.sensor_errors import Instrument, anti_aliased, measure
+from trackprofile.models.track import LayeredTrack, Track
+from trackprofile.models.vehicle import HEAVE, Vehicle
 from trackprofile.simulation.drive import Drive
 from trackprofile.simulation.mechanics import check_step, mechanics
 from trackprofile.simulation.simulate import Run, Simulation, felt, simulate
-from trackprofile.track import LayeredTrack, Track
-from trackprofile.vehicle import HEAVE, Vehicle
 
 PRESETS = Path(str(files("trackprofile") / "presets" / "scenario"))
 TRUTH_SPACING = 0.25

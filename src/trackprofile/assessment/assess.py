@@ -17,7 +17,7 @@ from trackprofile.contracts import Quality
 from trackprofile.contracts.rows import DEVIATION
 from trackprofile.errors import DataError
 from trackprofile.limits import KM_H, Limits, unverified
-from trackprofile.spectrum import Roughness
+from trackprofile.models.spectrum import Roughness
 
 SECTION_LENGTHS = (200.0, 100.0)
 """Over which standard deviations are taken [m]; 200 m is usual, some networks take 100 m."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from trackprofile.bands import runs
-from trackprofile.spectrum import PowerLaw, Roughness
+from trackprofile.models.spectrum import PowerLaw, Roughness
 
 Array = NDArray[np.float64]
 

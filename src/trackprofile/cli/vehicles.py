@@ -41,8 +41,8 @@ def show_vehicle(
 ) -> None:
     """Show a vehicle's parameters with their priors and sources, and its modes on a rigid track."""
     from trackprofile.io.model_toml import check_vehicle_place, read_vehicle, write_vehicle
-    from trackprofile.modes import modes, roll_modes
-    from trackprofile.vehicle import parameter_values
+    from trackprofile.models.modal import modes, roll_modes
+    from trackprofile.models.vehicle import parameter_values
 
     car, installation = read_vehicle(vehicle)
     if output is not None:

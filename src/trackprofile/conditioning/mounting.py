@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel
-from trackprofile.sensor import OFFSET, VERTICAL_ACCELERATION
+from trackprofile.models.sensor import OFFSET, VERTICAL_ACCELERATION
 from trackprofile.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]

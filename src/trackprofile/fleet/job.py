@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trackprofile.limits import Limits
-    from trackprofile.sensor import Installation
-    from trackprofile.spectrum import Spectrum
+    from trackprofile.models.sensor import Installation
+    from trackprofile.models.spectrum import Spectrum
+    from trackprofile.models.track import Track
+    from trackprofile.models.vehicle import Vehicle
     from trackprofile.store import Entry, Origin, Place, Store
-    from trackprofile.track import Track
-    from trackprofile.vehicle import Vehicle
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from trackprofile.contracts import Channel, build_recording
 from trackprofile.errors import DataError, FileError
 from trackprofile.fleet.job import Job, Row, State, bring
 from trackprofile.fleet.plan import Cost
-from trackprofile.integrate import newmark
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.irregularity import random
 from trackprofile.machine import in_one_thread, peak_memory
-from trackprofile.receptance import point_track
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import random
+from trackprofile.models.receptance import point_track
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, felt, simulate
 from trackprofile.store import Entry, Store, create, find

@@ -35,8 +35,8 @@ from trackprofile.inference.ride import Ride
 from trackprofile.inference.robust import Settled, settle
 from trackprofile.inference.sensitivity import by_the_vehicle
 from trackprofile.inference.smoother import prior_draws, smooth
-from trackprofile.sensor import Installation
-from trackprofile.track import Track
+from trackprofile.models.sensor import Installation
+from trackprofile.models.track import Track
 
 Array = NDArray[np.float64]
 

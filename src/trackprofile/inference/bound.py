@@ -10,13 +10,13 @@ from scipy.integrate import quad_vec
 from trackprofile.bands import BANDS, Band
 from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
-from trackprofile.receptance import point_track
-from trackprofile.roll import halves_of, pairs_of, rolling_for, rolling_track
-from trackprofile.sensor import Sensor, stated_noise
-from trackprofile.spectrum import Spectrum
-from trackprofile.statespace import state_space, transfer_function
-from trackprofile.track import Track
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.receptance import point_track
+from trackprofile.models.roll import halves_of, pairs_of, rolling_for, rolling_track
+from trackprofile.models.sensor import Sensor, stated_noise
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.statespace import state_space, transfer_function
+from trackprofile.models.track import Track
+from trackprofile.models.vehicle import Vehicle
 
 PIECES = 32
 """Parts of a band from which the adaptive quadrature starts."""

@@ -38,11 +38,11 @@ from trackprofile.inference.parameters import (
 )
 from trackprofile.inference.passes import Pass, informative, passes_of
 from trackprofile.inference.usable import Explained, explained, limited
-from trackprofile.receptance import point_track
-from trackprofile.sensor import Installation, Sensor, Uncertainty
-from trackprofile.spectrum import Spectrum
-from trackprofile.track import PointTrack, RigidTrack, Track
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import Installation, Sensor, Uncertainty
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.track import PointTrack, RigidTrack, Track
+from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

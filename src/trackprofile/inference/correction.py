@@ -8,11 +8,11 @@ from scipy.interpolate import CubicSpline
 
 from trackprofile.errors import ModelError
 from trackprofile.inference.measured import Measured, Model, moved
-from trackprofile.integrate import newmark
-from trackprofile.irregularity import Sampled
+from trackprofile.models.integrate import newmark
+from trackprofile.models.irregularity import Sampled
+from trackprofile.models.track import LayeredTrack, Track
 from trackprofile.simulation.drive import Followed
 from trackprofile.simulation.simulate import Run, felt, simulate
-from trackprofile.track import LayeredTrack, Track
 
 Array = NDArray[np.float64]
 

@@ -23,12 +23,12 @@ from trackprofile.inference.measured import loading, measured
 from trackprofile.inference.rails import mean_alone
 from trackprofile.inference.scans import Scans, scans_of
 from trackprofile.inference.trial import Trial, trial
-from trackprofile.integrate import wilson
+from trackprofile.models.integrate import wilson
+from trackprofile.models.sensor import Installation
+from trackprofile.models.track import RigidTrack, Track
+from trackprofile.models.vehicle import Vehicle
 from trackprofile.motion import along_track
 from trackprofile.search import TABLE_5, TABLE_6, Evaluation, Objective, Search, Variant
-from trackprofile.sensor import Installation
-from trackprofile.track import RigidTrack, Track
-from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

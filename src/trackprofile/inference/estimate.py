@@ -31,12 +31,12 @@ from trackprofile.inference.places import deviation_at, of_true_distance
 from trackprofile.inference.rails import ByRail, levels_of, of_difference
 from trackprofile.inference.sensitivity import with_gains
 from trackprofile.inference.wiring import rewired
-from trackprofile.receptance import point_track
-from trackprofile.roll import rolling_for, rolling_track
-from trackprofile.sensor import Installation
-from trackprofile.spectrum import Spectrum
-from trackprofile.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.receptance import point_track
+from trackprofile.models.roll import rolling_for, rolling_track
+from trackprofile.models.sensor import Installation
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
+from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from trackprofile.inference.measured import (
 )
 from trackprofile.inference.passes import Pass
 from trackprofile.inference.smoother import innovations
-from trackprofile.spectrum import scaled
+from trackprofile.models.spectrum import scaled
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured
 from trackprofile.inference.rails import ByRail, by_rail
 from trackprofile.inference.wiring import rewired, turned_sensors
-from trackprofile.sensor import Installation
-from trackprofile.track import PointTrack
-from trackprofile.vehicle import Vehicle, turned_round
+from trackprofile.models.sensor import Installation
+from trackprofile.models.track import PointTrack
+from trackprofile.models.vehicle import Vehicle, turned_round
 
 
 def facing(

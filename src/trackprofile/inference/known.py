@@ -16,8 +16,8 @@ from trackprofile.inference.bay_kernels import COLUMNS
 from trackprofile.inference.measured import KNOT_SPACING, USUAL, Measured
 from trackprofile.inference.ride import Ride
 from trackprofile.inference.smoother import Start
-from trackprofile.spectrum import Spectrum, scaled
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.spectrum import Spectrum, scaled
+from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

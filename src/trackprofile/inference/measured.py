@@ -26,12 +26,12 @@ from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.ride import Ride, Walk, build_ride, with_offsets
 from trackprofile.inference.smoother import Filter, Start, prepare, start_of_ride
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.statespace import FILTER_STATES, StateSpace, state_space
+from trackprofile.models.track import PointTrack, RigidTrack, Track
+from trackprofile.models.vehicle import Vehicle
 from trackprofile.motion import Motion, along_track, motion
-from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor
-from trackprofile.spectrum import Spectrum
-from trackprofile.statespace import FILTER_STATES, StateSpace, state_space
-from trackprofile.track import PointTrack, RigidTrack, Track
-from trackprofile.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -69,7 +69,7 @@ class Measured:
     low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
     by_gravity : per sensor, whether gravity told which way is up
     turned : whether the vehicle's last wheel leads; the sensors are then those of
-        :func:`trackprofile.vehicle.turned_round`
+        :func:`trackprofile.models.vehicle.turned_round`
     """
 
     motion: Motion
@@ -187,7 +187,7 @@ class Model:
     """Everything that the likelihood of a recording depends on.
 
     All noise densities are given; ``unmodelled`` and ``distance_scale`` are those of
-    :class:`trackprofile.sensor.Installation`.
+    :class:`trackprofile.models.sensor.Installation`.
     """
 
     vehicle: Vehicle

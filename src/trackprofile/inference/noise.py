@@ -32,10 +32,10 @@ from trackprofile.inference.parameters import (
 )
 from trackprofile.inference.passes import Pass
 from trackprofile.inference.robust import settle
-from trackprofile.sensor import Installation, Sensor
-from trackprofile.spectrum import Spectrum
-from trackprofile.track import PointTrack
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.sensor import Installation, Sensor
+from trackprofile.models.spectrum import Spectrum
+from trackprofile.models.track import PointTrack
+from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

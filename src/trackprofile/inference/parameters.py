@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
 from trackprofile.inference.measured import Model
-from trackprofile.sensor import UNITS, VERTICAL_ACCELERATION, Sensor
-from trackprofile.track import ElasticTrack
-from trackprofile.vehicle import OF_ROLL, parameter_values, with_parameters
+from trackprofile.models.sensor import UNITS, VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.track import ElasticTrack
+from trackprofile.models.vehicle import OF_ROLL, parameter_values, with_parameters
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from trackprofile.inference.facing import expect_as_described
 from trackprofile.inference.known import KnownProfile
 from trackprofile.inference.measured import Measured, measured
 from trackprofile.inference.rails import mean_alone
-from trackprofile.sensor import Installation
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.sensor import Installation
+from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.contracts.rows import DEVIATION
+from trackprofile.models.sensor import Installation
 from trackprofile.motion import deviation_of_counting
-from trackprofile.sensor import Installation
 
 Array = NDArray[np.float64]
 

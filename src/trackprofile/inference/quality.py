@@ -12,8 +12,8 @@ from trackprofile.conditioning.faults import GAP
 from trackprofile.contracts import Quality
 from trackprofile.inference.measured import KNOT_SPACING, Measured, Model, moved
 from trackprofile.inference.ride import Ride
-from trackprofile.spectrum import Spectrum, markov
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.spectrum import Spectrum, markov
+from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

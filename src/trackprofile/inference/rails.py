@@ -2,7 +2,7 @@
 
 On a car that is alike on both sides the two are independent: noises of equal density left and right have independent
 sums and differences. So each is inferred by itself, by the same smoother, on the car and on the rolling car
-(:mod:`trackprofile.roll`), and r_L = m + c/2, r_R = m - c/2. Where noises are not alike the errors of m and c hang
+(:mod:`trackprofile.models.roll`), and r_L = m + c/2, r_R = m - c/2. Where noises are not alike the errors of m and c hang
 together: then the uncertainty of either rail allows for the worse sign.
 """
 
@@ -20,7 +20,7 @@ from trackprofile.contracts import Quality, Rail, RailLevel
 from trackprofile.errors import DataError
 from trackprofile.inference.blocks import Piece
 from trackprofile.inference.measured import Measured
-from trackprofile.roll import (
+from trackprofile.models.roll import (
     Half,
     Pair,
     RollingVehicle,
@@ -29,9 +29,9 @@ from trackprofile.roll import (
     roll_unknowns,
     shared_noise,
 )
-from trackprofile.sensor import VERTICAL_ACCELERATION, Installation, Sensor, Uncertainty
-from trackprofile.track import PointTrack, RigidTrack
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor, Uncertainty
+from trackprofile.models.track import PointTrack, RigidTrack
+from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

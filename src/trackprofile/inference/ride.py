@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.inference.bay_kernels import COLUMNS, bays
+from trackprofile.models.statespace import StateSpace, step_table
 from trackprofile.motion import Motion
-from trackprofile.statespace import StateSpace, step_table
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

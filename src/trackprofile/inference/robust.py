@@ -26,7 +26,7 @@ from trackprofile.inference.smoother import (
     smooth,
     variances,
 )
-from trackprofile.spectrum import Spectrum
+from trackprofile.models.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -23,7 +23,7 @@ from trackprofile.inference.parameters import (
     values_of,
 )
 from trackprofile.inference.smoother import smooth
-from trackprofile.sensor import Installation, Sensor, Uncertainty
+from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 
 Array = NDArray[np.float64]
 

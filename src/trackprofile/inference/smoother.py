@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from trackprofile.inference import forward_kernels, recursions
 from trackprofile.inference.bay_kernels import COLUMNS, spline_weights
 from trackprofile.inference.ride import Ride
-from trackprofile.spectrum import MarkovProfile, Spectrum, markov
-from trackprofile.statespace import StateSpace, state_response
+from trackprofile.models.spectrum import MarkovProfile, Spectrum, markov
+from trackprofile.models.statespace import StateSpace, state_response
 
 Array = NDArray[np.float64]
 

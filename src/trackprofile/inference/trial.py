@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.integrate import Scheme
-from trackprofile.irregularity import Flat
-from trackprofile.sensor import Sensor
+from trackprofile.models.integrate import Scheme
+from trackprofile.models.irregularity import Flat
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.track import LayeredTrack, Track
+from trackprofile.models.vehicle import HEAVE, Vehicle
 from trackprofile.simulation.layered import MARGIN, LayeredRun
 from trackprofile.simulation.mechanics import check_step, mechanics
 from trackprofile.simulation.simple import SimpleRun
 from trackprofile.simulation.simulate import Simulation, felt
-from trackprofile.track import LayeredTrack, Track
-from trackprofile.vehicle import HEAVE, Vehicle
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from scipy.signal import butter, fftconvolve, kaiserord, sosfilt, welch
 
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured, Model, moved
-from trackprofile.receptance import FITTED_UP_TO
-from trackprofile.sensor import Sensor
-from trackprofile.spectrum import Spectrum, scaled
-from trackprofile.statespace import state_space, transfer_function
+from trackprofile.models.receptance import FITTED_UP_TO
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.spectrum import Spectrum, scaled
+from trackprofile.models.statespace import state_space, transfer_function
 
 Array = NDArray[np.float64]
 

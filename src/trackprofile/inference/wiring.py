@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from trackprofile.conditioning.faults import Fault, FaultKind
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured
-from trackprofile.roll import RollingVehicle
-from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
-from trackprofile.statespace import state_space, transfer_function
-from trackprofile.track import PointTrack
-from trackprofile.vehicle import Vehicle, turned_round
+from trackprofile.models.roll import RollingVehicle
+from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
+from trackprofile.models.statespace import state_space, transfer_function
+from trackprofile.models.track import PointTrack
+from trackprofile.models.vehicle import Vehicle, turned_round
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

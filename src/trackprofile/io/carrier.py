@@ -8,8 +8,8 @@ import xarray as xr
 
 from trackprofile.errors import FileError
 from trackprofile.io.model_toml import presets, read_vehicle
-from trackprofile.sensor import Installation
-from trackprofile.vehicle import Vehicle
+from trackprofile.models.sensor import Installation
+from trackprofile.models.vehicle import Vehicle
 
 
 def carrier(recording: xr.Dataset, path: Path, given: str | None) -> tuple[Vehicle, Installation]:

@@ -16,10 +16,11 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from trackprofile import instrument, sensor, track
 from trackprofile.contracts import QUANTITIES
 from trackprofile.io.table import located
 from trackprofile.io.toml_document import Strict
+from trackprofile.models import sensor, track
+from trackprofile.models import sensor_errors as instrument
 from trackprofile.units import unit_factor
 
 

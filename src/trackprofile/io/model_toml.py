@@ -43,16 +43,16 @@ from typing import Any, Literal
 
 from trackprofile.contracts import QUANTITIES
 from trackprofile.errors import FileError, ModelError
-from trackprofile.instrument import Instrument
 from trackprofile.io import model_tables as tables
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.io.table import located
 from trackprofile.io.toml_document import document, load
-from trackprofile.sensor import Installation, Sensor
-from trackprofile.spectrum import Piece, PowerLaw, Roughness, Spectrum, rational
-from trackprofile.track import RigidTrack, Track
+from trackprofile.models.sensor import Installation, Sensor
+from trackprofile.models.sensor_errors import Instrument
+from trackprofile.models.spectrum import Piece, PowerLaw, Roughness, Spectrum, rational
+from trackprofile.models.track import RigidTrack, Track
+from trackprofile.models.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
 from trackprofile.units import si_unit
-from trackprofile.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
 
 _Part = tables.Body | tables.Link | tables.Wheel
 

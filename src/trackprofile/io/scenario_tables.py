@@ -11,13 +11,13 @@ from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt
 from pydantic_core import PydanticCustomError
 
 from trackprofile.errors import FileError, UnitError
-from trackprofile.integrate import PAPERS_THETA
 from trackprofile.io import read
 from trackprofile.io.model_tables import Instrument
 from trackprofile.io.model_toml import read_roughness
 from trackprofile.io.toml_document import Strict
-from trackprofile.irregularity import Bell, Dip, Irregularity, Sampled, random
-from trackprofile.track import Change
+from trackprofile.models.integrate import PAPERS_THETA
+from trackprofile.models.irregularity import Bell, Dip, Irregularity, Sampled, random
+from trackprofile.models.track import Change
 from trackprofile.units import quantity
 
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure, SubFigure
 from trackprofile.inference.calibration import Calibration
 from trackprofile.inference.certainty import LikelihoodProfile, likelihood_profiles
 from trackprofile.inference.usable import Explained
+from trackprofile.models.sensor import Sensor
 from trackprofile.plot.chart import COLOURS, ELEVATION, MEASURED, REPRODUCED, RESIDUAL
-from trackprofile.sensor import Sensor
 
 _COLUMNS = 3
 _WIDTH, _HEIGHT = 3.7, 2.5  # inches, of one panel

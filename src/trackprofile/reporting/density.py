@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.assessment.roughness import Psd
-from trackprofile.spectrum import Roughness
+from trackprofile.models.spectrum import Roughness
 
 Array = NDArray[np.float64]
 Scale = Callable[[Array], Array]

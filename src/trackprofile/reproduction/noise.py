@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from trackprofile.instrument import Instrument, noise, noise_density
 from trackprofile.io.model_toml import read_spectrum
-from trackprofile.irregularity import Bell, random
+from trackprofile.models.irregularity import Bell, random
+from trackprofile.models.sensor_errors import Instrument, noise, noise_density
 from trackprofile.paper import (
     CLASSES,
     LONGEST,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackprofile.integrate import newmark, wilson
+from trackprofile.models.integrate import newmark, wilson
 from trackprofile.paper import bell, model_b, ridden
 from trackprofile.reproduction.parts import Cell, Section, Table
 from trackprofile.reproduction.studies import growth, search, shorter

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
-from trackprofile.integrate import Scheme
-from trackprofile.irregularity import Irregularity
+from trackprofile.models.integrate import Scheme
+from trackprofile.models.irregularity import Irregularity
+from trackprofile.models.track import LayeredTrack, beam_element, supports
 from trackprofile.simulation import coupled_kernels
 from trackprofile.simulation.mechanics import GRAVITY, Mechanics
-from trackprofile.track import LayeredTrack, beam_element, supports
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
-from trackprofile.integrate import Scheme
-from trackprofile.receptance import dynamic_stiffness
-from trackprofile.track import ElasticTrack, LayeredTrack, RigidTrack, Track
-from trackprofile.vehicle import HEAVE, Vehicle, assemble
+from trackprofile.models.integrate import Scheme
+from trackprofile.models.receptance import dynamic_stiffness
+from trackprofile.models.track import ElasticTrack, LayeredTrack, RigidTrack, Track
+from trackprofile.models.vehicle import HEAVE, Vehicle, assemble
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.integrate import Scheme, march
-from trackprofile.irregularity import Irregularity
+from trackprofile.models.integrate import Scheme, march
+from trackprofile.models.irregularity import Irregularity
+from trackprofile.models.track import ElasticTrack, RigidTrack, under_wheels
 from trackprofile.simulation.coupled_kernels import LARGEST
 from trackprofile.simulation.mechanics import GRAVITY, Mechanics
-from trackprofile.track import ElasticTrack, RigidTrack, under_wheels
 
 Array = NDArray[np.float64]
 

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError, ModelError
-from trackprofile.integrate import Scheme
-from trackprofile.irregularity import Irregularity
-from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
+from trackprofile.models.integrate import Scheme
+from trackprofile.models.irregularity import Irregularity
+from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
+from trackprofile.models.track import LayeredTrack, Track
+from trackprofile.models.vehicle import HEAVE, PITCH, Vehicle, displacement_row
 from trackprofile.simulation.drive import Drive, Followed
 from trackprofile.simulation.layered import MARGIN, LayeredRun
 from trackprofile.simulation.mechanics import check_step, mechanics
 from trackprofile.simulation.simple import SimpleRun
-from trackprofile.track import LayeredTrack, Track
-from trackprofile.vehicle import HEAVE, PITCH, Vehicle, displacement_row
 
 Array = NDArray[np.float64]
 
@@ -94,8 +94,8 @@ def simulate(
 
     Examples
     --------
-    >>> from trackprofile.integrate import newmark
-    >>> from trackprofile.irregularity import Bell
+    >>> from trackprofile.models.integrate import newmark
+    >>> from trackprofile.models.irregularity import Bell
     >>> from trackprofile.simulation.drive import steady
     >>> from trackprofile.io.model_toml import read_track, read_vehicle
     >>> car, _ = read_vehicle("quarter-car")

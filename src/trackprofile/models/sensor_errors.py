@@ -11,7 +11,7 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from trackprofile.errors import DataError, ModelError
-from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
 from trackprofile.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]

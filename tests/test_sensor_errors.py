@@ -12,9 +12,15 @@ from scipy.signal import lsim, welch
 
 import trackprofile
 from trackprofile.errors import DataError, FileError, ModelError, TrackprofileError, UnitError
-from trackprofile.instrument import Instrument, anti_aliased, measure, noise, noise_density
 from trackprofile.io.model_toml import presets, read_instruments, read_sensors, read_vehicle
-from trackprofile.sensor import Sensor
+from trackprofile.models.sensor import Sensor
+from trackprofile.models.sensor_errors import (
+    Instrument,
+    anti_aliased,
+    measure,
+    noise,
+    noise_density,
+)
 
 G = 9.80665
 FLOOR = Sensor("floor", "vertical acceleration", "body")

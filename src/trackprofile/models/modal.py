@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from trackprofile.roll import roll_unknowns, rolling
-from trackprofile.track import RigidTrack
-from trackprofile.vehicle import Vehicle, assemble
+from trackprofile.models.roll import roll_unknowns, rolling
+from trackprofile.models.track import RigidTrack
+from trackprofile.models.vehicle import Vehicle, assemble
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def modes(vehicle: Vehicle) -> tuple[Mode, ...]:
 
     Examples
     --------
-    >>> from trackprofile.vehicle import Body, Link, Wheel
+    >>> from trackprofile.models.vehicle import Body, Link, Wheel
     >>> car = Vehicle("one mass", (Body("body", 1000.0),), wheels=(Wheel("wheel", 0.0, 0.0),),
     ...     links=(Link("spring", "body", "wheel", 0.0, 4e5, 4e3),))
     >>> for mode in modes(car):

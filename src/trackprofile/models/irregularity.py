@@ -333,7 +333,7 @@ def random(
 
     Examples
     --------
-    >>> from trackprofile.spectrum import Spectrum
+    >>> from trackprofile.models.spectrum import Spectrum
     >>> fra6 = Spectrum("FRA 6", 1.5e-6, 0.0206, 0.825)
     >>> profile = random(fra6, 1, shortest=3.0, longest=25.0)
     >>> round(1e3 * float(np.sum(profile.amplitude**2) / 2) ** 0.5, 2)  # mm, as of fra6 in D1

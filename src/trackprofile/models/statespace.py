@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from trackprofile.errors import ModelError
-from trackprofile.flicker import processes
-from trackprofile.roll import RollingVehicle
-from trackprofile.sensor import PITCH_RATE, ROLL_RATE, Sensor
-from trackprofile.track import ElasticTrack, PointTrack, RigidTrack, under_wheels
-from trackprofile.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
+from trackprofile.models.flicker_noise import processes
+from trackprofile.models.roll import RollingVehicle
+from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
+from trackprofile.models.track import ElasticTrack, PointTrack, RigidTrack, under_wheels
+from trackprofile.models.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

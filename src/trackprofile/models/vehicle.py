@@ -2,7 +2,7 @@
 
 Positions are distances behind the leading wheel, in m, so that a body centred at ``position`` stands
 at s - position when the leading wheel stands at s. Up is positive; pitch is positive nose-up. Stiffness and damping
-are those of both sides together. What only roll needs is optional: see :mod:`trackprofile.roll`.
+are those of both sides together. What only roll needs is optional: see :mod:`trackprofile.models.roll`.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from trackprofile.errors import ModelError
-from trackprofile.track import (
+from trackprofile.models.track import (
     Coupling,
     ElasticTrack,
     LayeredTrack,
@@ -44,7 +44,7 @@ def dynamic_stiffness(track: LayeredTrack, frequency: Array, fraction: float = 0
 
     Examples
     --------
-    >>> from trackprofile.track import Support
+    >>> from trackprofile.models.track import Support
     >>> support = Support(65e6, 75e3, 125.5, 137.75e6, 58.8e3, 531.4, 77.5e6)
     >>> table3 = LayeredTrack("Table 3", 6.6238e6, 60.64, 0.545, support)
     >>> at_rest = [dynamic_stiffness(table3, np.zeros(1), place)[0].real for place in (0.0, 0.5)]
@@ -110,7 +110,7 @@ def point_track(track: Track) -> PointTrack:
 
     Examples
     --------
-    >>> from trackprofile.track import Support
+    >>> from trackprofile.models.track import Support
     >>> support = Support(65e6, 75e3, 125.5, 137.75e6, 58.8e3, 531.4, 77.5e6)
     >>> found = point_track(LayeredTrack("Table 3", 6.6238e6, 60.64, 0.545, support))
     >>> round(found.stiffness / 1e6, 1), round(found.damping / 1e3, 1), round(found.mass)

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
-from trackprofile.sensor import ROLL_RATE, VERTICAL_ACCELERATION, Sensor
-from trackprofile.track import Coupling, PointTrack, RigidTrack
-from trackprofile.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
+from trackprofile.models.sensor import ROLL_RATE, VERTICAL_ACCELERATION, Sensor
+from trackprofile.models.track import Coupling, PointTrack, RigidTrack
+from trackprofile.models.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
 
 Array = NDArray[np.float64]
 
@@ -145,7 +145,7 @@ def rolling_track(track: PointTrack) -> PointTrack:
 
     Examples
     --------
-    >>> from trackprofile.track import ElasticTrack
+    >>> from trackprofile.models.track import ElasticTrack
     >>> rolling_track(ElasticTrack(88e6, 36e3)).stiffness
     22000000.0
     """

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.sensor import Sensor
+from trackprofile.models.sensor import Sensor
 
 Array = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from test_at_the_limit import Outcome, check_limit, outcome
 from trackprofile.contracts import build_recording, channels
 from trackprofile.demo import simulated
-from trackprofile.flicker import HIGHEST, LOWEST, processes
 from trackprofile.inference.estimate import estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.receptance import point_track
-from trackprofile.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
+from trackprofile.models.flicker_noise import HIGHEST, LOWEST, processes
+from trackprofile.models.receptance import point_track
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
 
 ALONE = Sensor("a", VERTICAL_ACCELERATION, "body", noise_density=1e-9, drift=0.0, flicker=1e-3)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from trackprofile.io.model_toml import presets, read_vehicle
-from trackprofile.modes import Mode, modes
+from trackprofile.models.modal import Mode, modes
+from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel, assemble, parameter_values
 from trackprofile.units import STANDARD_GRAVITY
-from trackprofile.vehicle import Body, Link, Vehicle, Wheel, assemble, parameter_values
 
 CARS = [name for name in presets("vehicle") if name != "quarter-car"]
 # Hz, of the lowest bounce of the body; soft for comfort, stiff for locomotives and trams.
