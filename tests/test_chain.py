@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from trackprofile.conditioning.chain import Chain, log_likelihood, smooth
+from trackprofile.kalman.chain import Chain, log_likelihood, smooth
 
 Array = np.ndarray
 

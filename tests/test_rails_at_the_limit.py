@@ -25,10 +25,10 @@ from trackprofile.contracts import (
 )
 from trackprofile.inference.bound import limit_per_rail
 from trackprofile.inference.estimate import infer
-from trackprofile.inference.ride import build_ride
-from trackprofile.inference.smoother import prepare, smooth, start_of_ride
 from trackprofile.io.model_toml import read_spectrum, read_vehicle
 from trackprofile.io.table import read_columns
+from trackprofile.kalman.smoother import prepare, smooth, start_of_ride
+from trackprofile.kalman.time_steps import build_ride
 from trackprofile.models.roll import halves_of, pairs_of, rolling
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum

@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline
 from scipy.linalg import expm
 
-from trackprofile.inference.ride import Ride, Steps, build_ride, cut_into_steps
-from trackprofile.inference.smoother import (
+from trackprofile.kalman.smoother import (
     Filter,
     error_draws,
     prepare,
@@ -21,6 +20,7 @@ from trackprofile.inference.smoother import (
     start_of_ride,
     variances,
 )
+from trackprofile.kalman.time_steps import Ride, Steps, build_ride, cut_into_steps
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.statespace import StateSpace, generator, state_space

@@ -12,8 +12,8 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.signal import butter, freqs
 
 from trackprofile.errors import ModelError
-from trackprofile.inference.bay_kernels import _evaluate
 from trackprofile.io.model_toml import read_track, read_vehicle
+from trackprofile.kalman.transition_kernels import _evaluate
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.statespace import (
     StateSpace,

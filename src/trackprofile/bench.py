@@ -19,8 +19,6 @@ from trackprofile.assessment.assess import assess
 from trackprofile.contracts import build_profile
 from trackprofile.inference.cross_entropy import cross_entropy
 from trackprofile.inference.measured import KNOT_SPACING
-from trackprofile.inference.ride import build_ride
-from trackprofile.inference.smoother import prepare, smooth, start_of_ride, variances
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import (
     presets,
@@ -30,6 +28,8 @@ from trackprofile.io.model_toml import (
     read_track,
     read_vehicle,
 )
+from trackprofile.kalman.smoother import prepare, smooth, start_of_ride, variances
+from trackprofile.kalman.time_steps import build_ride
 from trackprofile.machine import in_one_thread, machine, peak_memory
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Flat, random

@@ -1,7 +1,7 @@
 """Faults of a recording, each found by one rule, so that what is wrong is left out and said.
 
 Each rule looks at one signal alone and knows nothing of vehicle or track: what only they can tell (small spikes,
-stretches that are too loud, offsets that move) the smoother finds itself, see :mod:`trackprofile.inference.robust`.
+stretches that are too loud, offsets that move) the smoother finds itself, see :mod:`trackprofile.kalman.robust`.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.chain import Chain, Smoothed, log_likelihood, smooth
+from trackprofile.kalman.chain import Chain, Smoothed, log_likelihood, smooth
 from trackprofile.motion import integral
 
 Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Where a train was, how fast it went, and how well that is known: all sources through one smoother.
 
-The smoother keeps its head as that of the profile does (:mod:`trackprofile.inference.robust`): each reading is told by
+The smoother keeps its head as that of the profile does (:mod:`trackprofile.kalman.robust`): each reading is told by
 all the others, and one that is ``BEYOND`` standard deviations off is given the noise that it shows. Where the slope of
 the likelihood over a jump says so, the wheel slips, or the acceleration changes. A source whose noise nobody states is
 given the one that it shows.
@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from trackprofile.conditioning.chain import Smoothed, log_likelihood, smooth
 from trackprofile.conditioning.readings import Readings, Source, Stand
 from trackprofile.conditioning.travel_chain import (
     SCALE,
@@ -29,6 +28,7 @@ from trackprofile.conditioning.travel_chain import (
     chain_of,
     rows_of,
 )
+from trackprofile.kalman.chain import Smoothed, log_likelihood, smooth
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

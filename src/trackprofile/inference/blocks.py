@@ -31,10 +31,10 @@ from trackprofile.inference.measured import (
     walk_of,
 )
 from trackprofile.inference.quality import quality, unexplained_samples
-from trackprofile.inference.ride import Ride
-from trackprofile.inference.robust import Settled, settle
 from trackprofile.inference.sensitivity import by_the_vehicle
-from trackprofile.inference.smoother import prior_draws, smooth
+from trackprofile.kalman.robust import Settled, settle
+from trackprofile.kalman.smoother import prior_draws, smooth
+from trackprofile.kalman.time_steps import Ride
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import Track
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from trackprofile.bands import runs
 from trackprofile.conditioning.faults import Fault, FaultKind
 from trackprofile.inference.measured import Measured, Model
-from trackprofile.inference.ride import Ride
-from trackprofile.inference.robust import LOUDER, Weights
+from trackprofile.kalman.robust import LOUDER, Weights
+from trackprofile.kalman.time_steps import Ride
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

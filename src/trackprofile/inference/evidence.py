@@ -18,7 +18,7 @@ from trackprofile.inference.measured import (
     start_of,
 )
 from trackprofile.inference.passes import Pass
-from trackprofile.inference.smoother import innovations
+from trackprofile.kalman.smoother import innovations
 from trackprofile.models.spectrum import scaled
 
 Array = NDArray[np.float64]

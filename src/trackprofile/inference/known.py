@@ -11,11 +11,11 @@ from scipy.linalg import solve_banded
 
 from trackprofile.bands import D1, band_pass, resample
 from trackprofile.errors import DataError
-from trackprofile.inference import forward_kernels
-from trackprofile.inference.bay_kernels import COLUMNS
 from trackprofile.inference.measured import KNOT_SPACING, USUAL, Measured
-from trackprofile.inference.ride import Ride
-from trackprofile.inference.smoother import Start
+from trackprofile.kalman import simulation_kernels as forward_kernels
+from trackprofile.kalman.smoother import Start
+from trackprofile.kalman.time_steps import Ride
+from trackprofile.kalman.transition_kernels import COLUMNS
 from trackprofile.models.spectrum import Spectrum, scaled
 from trackprofile.models.vehicle import Vehicle
 

@@ -24,8 +24,8 @@ from trackprofile.conditioning.sources import PLACED
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
-from trackprofile.inference.ride import Ride, Walk, build_ride, with_offsets
-from trackprofile.inference.smoother import Filter, Start, prepare, start_of_ride
+from trackprofile.kalman.smoother import Filter, Start, prepare, start_of_ride
+from trackprofile.kalman.time_steps import Ride, Walk, build_ride, with_offsets
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import FILTER_STATES, StateSpace, state_space

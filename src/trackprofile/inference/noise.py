@@ -31,7 +31,7 @@ from trackprofile.inference.parameters import (
     white_noise_parameters,
 )
 from trackprofile.inference.passes import Pass
-from trackprofile.inference.robust import settle
+from trackprofile.kalman.robust import settle
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import PointTrack

@@ -11,7 +11,7 @@ from trackprofile.bands import D1, Band, edge_distance
 from trackprofile.conditioning.faults import GAP
 from trackprofile.contracts import Quality
 from trackprofile.inference.measured import KNOT_SPACING, Measured, Model, moved
-from trackprofile.inference.ride import Ride
+from trackprofile.kalman.time_steps import Ride
 from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.vehicle import Vehicle
 

@@ -22,7 +22,7 @@ from trackprofile.inference.parameters import (
     chosen,
     values_of,
 )
-from trackprofile.inference.smoother import smooth
+from trackprofile.kalman.smoother import smooth
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 
 Array = NDArray[np.float64]

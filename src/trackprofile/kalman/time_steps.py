@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference.bay_kernels import COLUMNS, bays
+from trackprofile.kalman.transition_kernels import COLUMNS, bays
 from trackprofile.models.statespace import StateSpace, step_table
 from trackprofile.motion import Motion
 
@@ -36,7 +36,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Ride:
-    """All that the recursions need of a ride; see :mod:`trackprofile.inference.bay_kernels`.
+    """All that the recursions need of a ride; see :mod:`trackprofile.kalman.transition_kernels`.
 
     ``bases`` (bays, wheels) are the indices of the first coefficients that the wheels reach.
     ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there

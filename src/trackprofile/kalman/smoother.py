@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference import forward_kernels, recursions
-from trackprofile.inference.bay_kernels import COLUMNS, spline_weights
-from trackprofile.inference.ride import Ride
+from trackprofile.kalman import kernels as recursions
+from trackprofile.kalman import simulation_kernels as forward_kernels
+from trackprofile.kalman.time_steps import Ride
+from trackprofile.kalman.transition_kernels import COLUMNS, spline_weights
 from trackprofile.models.spectrum import MarkovProfile, Spectrum, markov
 from trackprofile.models.statespace import StateSpace, state_response
 

@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference.ride import Ride, Walk, with_offsets
-from trackprofile.inference.smoother import (
+from trackprofile.kalman.smoother import (
     Filter,
     Smoothed,
     Start,
@@ -26,6 +25,7 @@ from trackprofile.inference.smoother import (
     smooth,
     variances,
 )
+from trackprofile.kalman.time_steps import Ride, Walk, with_offsets
 from trackprofile.models.spectrum import Spectrum
 
 Array = NDArray[np.float64]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackprofile.inference.bay_kernels import compiled
-from trackprofile.inference.recursions import move_means, newest_places, oldest_places
+from trackprofile.kalman.kernels import move_means, newest_places, oldest_places
+from trackprofile.kalman.transition_kernels import compiled
 
 
 @compiled

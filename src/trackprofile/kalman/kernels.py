@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackprofile.inference.bay_kernels import compiled
+from trackprofile.kalman.transition_kernels import compiled
 
 AT_ONCE = 8
 """Samples in one product of matrices: so small that no library spreads it over threads."""
