@@ -10,9 +10,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from trackprofile.conditioning.faults import FaultKind
 from trackprofile.io.table import write_columns
-from trackprofile.motion import recorded_step
+from trackprofile.preprocessing.faults import FaultKind
+from trackprofile.preprocessing.motion import recorded_step
 
 Array = np.ndarray
 Columns = dict[str, Array]

@@ -21,7 +21,7 @@ from trackprofile.kalman.smoother import Filter, error_draws, prepare, smooth, s
 from trackprofile.kalman.time_steps import build_ride
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.statespace import state_space, transfer_function
-from trackprofile.motion import Motion
+from trackprofile.preprocessing.motion import Motion
 
 VELARO, RIGID = read_vehicle("velaro")[0], read_track("rigid")
 GRADES = ("bogie-1ug", "bogie-25ug", "bogie-100ug", "bogie-1mg")

@@ -31,7 +31,7 @@ from trackprofile.models.sensor import Installation
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import PointTrack, RigidTrack
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.motion import motion
+from trackprofile.preprocessing.motion import motion
 
 Array = np.ndarray
 BANDS = (D1, D2)

@@ -15,7 +15,7 @@ from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.estimate import estimate, infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.sensor import Installation
-from trackprofile.motion import motion
+from trackprofile.preprocessing.motion import motion
 
 VELARO = read_vehicle("velaro")[0]
 RIGID = read_track("rigid")

@@ -10,7 +10,6 @@ import pytest
 import xarray as xr
 
 from trackprofile.bands import D1, band_pass
-from trackprofile.conditioning.faults import FaultKind
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
@@ -22,6 +21,7 @@ from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.vehicle import Vehicle, turned_round
+from trackprofile.preprocessing.faults import FaultKind
 from trackprofile.units import STANDARD_GRAVITY
 
 ZHAI, ROUGH = point_track(read_track("zhai")), read_spectrum("german-low")

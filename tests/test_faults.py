@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackprofile.conditioning.faults import FaultKind, find_faults
-from trackprofile.conditioning.rules import resolution, stuck
 from trackprofile.contracts import Channel, build_recording
+from trackprofile.preprocessing.fault_detectors import resolution, stuck
+from trackprofile.preprocessing.faults import FaultKind, find_faults
 
 
 def rough(count: int, seed: int = 1) -> np.ndarray:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from trackprofile.cli import main
-from trackprofile.conditioning.faults import FaultKind
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.errors import FileError
 from trackprofile.io import read, write
 from trackprofile.io.guess import Role, guess
 from trackprofile.io.heading import Heading
 from trackprofile.io.inspection import inspect, write_toml
+from trackprofile.preprocessing.faults import FaultKind
 
 
 @pytest.fixture

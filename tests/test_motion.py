@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from trackprofile.errors import DataError
-from trackprofile.motion import (
+from trackprofile.preprocessing.motion import (
     deviation_of_counting,
     motion,
     recorded_step,

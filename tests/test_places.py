@@ -11,7 +11,6 @@ import xarray as xr
 
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.tables import defect_table
-from trackprofile.conditioning.faults import FaultKind, find_faults
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.contracts.rows import steps_of
 from trackprofile.demo import simulated
@@ -26,6 +25,7 @@ from trackprofile.io.table import write_columns
 from trackprofile.location import Way
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation
+from trackprofile.preprocessing.faults import FaultKind, find_faults
 from train_rides import DIAMETER, PULSE, PULSES, World, ride, sources
 
 Array = np.ndarray

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trackprofile.conditioning.rules import at_end_of_range
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.estimate import estimate
 from trackprofile.inference.quality import felt_at
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
-from trackprofile.motion import motion
+from trackprofile.preprocessing.fault_detectors import at_end_of_range
+from trackprofile.preprocessing.motion import motion
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 SENSORS, SPECTRUM = read_sensors("bogie-100ug"), read_spectrum("fra-5")

@@ -35,7 +35,7 @@ from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import state_space
 from trackprofile.models.track import RigidTrack
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.motion import Motion
+from trackprofile.preprocessing.motion import Motion
 from trackprofile.units import STANDARD_GRAVITY
 from two_rails import random_rails, recorded, response, ride
 

@@ -26,7 +26,7 @@ from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.statespace import StateSpace, generator, state_space
 from trackprofile.models.track import ElasticTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel
-from trackprofile.motion import Motion
+from trackprofile.preprocessing.motion import Motion
 
 Array = np.ndarray
 SPACING = 0.25

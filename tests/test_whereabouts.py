@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trackprofile.conditioning.faults import ClockFault
 from trackprofile.conditioning.sources import Fixes, Posts, Rolled, Shown, Sources, unwrapped
 from trackprofile.conditioning.whereabouts import Whereabouts, whereabouts
 from trackprofile.errors import DataError
 from trackprofile.location import Way
+from trackprofile.preprocessing.faults import ClockFault
 from train_rides import BEGIN, Ride, World, ride, sources
 
 Array = np.ndarray

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trackprofile.conditioning.faults import FaultKind
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
@@ -20,6 +19,7 @@ from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, 
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.vehicle import parameter_values, with_parameters
+from trackprofile.preprocessing.faults import FaultKind
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 THREE = tuple(

@@ -37,8 +37,8 @@ from trackprofile.models.receptance import point_track
 from trackprofile.models.statespace import state_space
 from trackprofile.models.track import Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.motion import Motion
 from trackprofile.paper import bell, model_b, recorded, ridden
+from trackprofile.preprocessing.motion import Motion
 from trackprofile.reporting import report
 from trackprofile.search import TABLE_5, TABLE_6, Variant
 from trackprofile.simulation.drive import steady

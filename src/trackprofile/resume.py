@@ -18,11 +18,11 @@ import numpy as np
 import xarray as xr
 
 from trackprofile import __version__
-from trackprofile.conditioning.faults import Fault, FaultKind
 from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
 from trackprofile.inference.blocks import Piece
 from trackprofile.io.atomic import whole_files
+from trackprofile.preprocessing.faults import Fault, FaultKind
 
 _KEY = "of.json"
 _BAND = "band "

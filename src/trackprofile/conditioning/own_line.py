@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.kalman.chain import Chain, Smoothed, log_likelihood, smooth
-from trackprofile.motion import integral
+from trackprofile.preprocessing.motion import integral
 
 Array = NDArray[np.float64]
 

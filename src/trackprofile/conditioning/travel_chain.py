@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from trackprofile.conditioning.readings import Readings, Source, Stand
 from trackprofile.kalman.chain import Chain
-from trackprofile.motion import ACCELERATION_WALK
+from trackprofile.preprocessing.motion import ACCELERATION_WALK
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import runs
-from trackprofile.conditioning.faults import ClockFault
 from trackprofile.conditioning.placing import AROUND, Placed, placed, run_of
 from trackprofile.conditioning.readings import (
     STILL,
@@ -28,6 +27,7 @@ from trackprofile.conditioning.sources import Sources
 from trackprofile.conditioning.travel import BEYOND, Travel, travel
 from trackprofile.conditioning.travel_chain import COMMON, FAR, Assumed
 from trackprofile.errors import DataError
+from trackprofile.preprocessing.faults import ClockFault
 
 Array = NDArray[np.float64]
 

@@ -100,7 +100,7 @@ def build_recording(
     time, distance, speed : (samples,) [s, m, m/s]; speed may be left out only where both others are
     line, direction, source, vehicle : in words
     provenance : what was done so far
-    clock_fault : (samples,), sums of `trackprofile.conditioning.faults.ClockFault`; None: the clock was good
+    clock_fault : (samples,), sums of `trackprofile.preprocessing.faults.ClockFault`; None: the clock was good
     distance_deviation : (samples,), standard deviation of the distance [m]; None: not known
     wheel_scale : true over nominal diameter of the wheel, where positions have put the distance right by it
     leading_end : of the vehicle as it is described, where that is known: one of `ENDS`

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from trackprofile.bands import BANDS, D3, Band, band_pass, edge_distance
-from trackprofile.conditioning.faults import Fault
 from trackprofile.inference.correction import beyond_reduced
 from trackprofile.inference.doubted import doubted, marked, single_outliers
 from trackprofile.inference.likelihood import Progress
@@ -37,6 +36,7 @@ from trackprofile.kalman.smoother import prior_draws, smooth
 from trackprofile.kalman.time_steps import Ride
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import Track
+from trackprofile.preprocessing.faults import Fault
 
 Array = NDArray[np.float64]
 

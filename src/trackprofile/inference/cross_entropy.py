@@ -27,7 +27,7 @@ from trackprofile.models.integrate import wilson
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.motion import along_track
+from trackprofile.preprocessing.motion import along_track
 from trackprofile.search import TABLE_5, TABLE_6, Evaluation, Objective, Search, Variant
 
 Array = NDArray[np.float64]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import runs
-from trackprofile.conditioning.faults import Fault, FaultKind
 from trackprofile.inference.measured import Measured, Model
 from trackprofile.kalman.robust import LOUDER, Weights
 from trackprofile.kalman.time_steps import Ride
+from trackprofile.preprocessing.faults import Fault, FaultKind
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,7 +11,6 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.bands import FILTER_NAME
-from trackprofile.conditioning.faults import Fault
 from trackprofile.contracts import build_profile, with_provenance, with_rails
 from trackprofile.inference.blocks import Block, Piece, Task, cut, joined, solved, usual_draws
 from trackprofile.inference.doubted import told
@@ -37,6 +36,7 @@ from trackprofile.models.sensor import Installation
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
+from trackprofile.preprocessing.faults import Fault
 
 Array = NDArray[np.float64]
 

@@ -9,17 +9,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.clock import MENDED
-from trackprofile.conditioning.faults import (
-    GAP,
-    LEFT_OUT,
-    Fault,
-    FaultKind,
-    find_faults,
-    samples_of,
-)
-from trackprofile.conditioning.mounting import Upright, freed_of_gravity
-from trackprofile.conditioning.rules import far, resolution
 from trackprofile.conditioning.sources import PLACED
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
@@ -31,7 +20,18 @@ from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import FILTER_STATES, StateSpace, state_space
 from trackprofile.models.track import PointTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.motion import Motion, along_track, motion
+from trackprofile.preprocessing.clock import MENDED
+from trackprofile.preprocessing.fault_detectors import far, resolution
+from trackprofile.preprocessing.faults import (
+    GAP,
+    LEFT_OUT,
+    Fault,
+    FaultKind,
+    find_faults,
+    samples_of,
+)
+from trackprofile.preprocessing.motion import Motion, along_track, motion
+from trackprofile.preprocessing.mounting import Upright, freed_of_gravity
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

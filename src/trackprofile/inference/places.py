@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts.rows import DEVIATION
 from trackprofile.models.sensor import Installation
-from trackprofile.motion import deviation_of_counting
+from trackprofile.preprocessing.motion import deviation_of_counting
 
 Array = NDArray[np.float64]
 

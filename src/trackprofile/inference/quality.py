@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import D1, Band, edge_distance
-from trackprofile.conditioning.faults import GAP
 from trackprofile.contracts import Quality
 from trackprofile.inference.measured import KNOT_SPACING, Measured, Model, moved
 from trackprofile.kalman.time_steps import Ride
 from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.vehicle import Vehicle
+from trackprofile.preprocessing.faults import GAP
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

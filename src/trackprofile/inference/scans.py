@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured, own_acceleration
 from trackprofile.models.sensor import Installation
-from trackprofile.motion import along_track
+from trackprofile.preprocessing.motion import along_track
 from trackprofile.search import Search
 
 Array = NDArray[np.float64]

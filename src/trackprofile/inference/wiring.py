@@ -16,7 +16,6 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.faults import Fault, FaultKind
 from trackprofile.errors import DataError
 from trackprofile.inference.measured import Measured
 from trackprofile.models.roll import RollingVehicle
@@ -24,6 +23,7 @@ from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.models.statespace import state_space, transfer_function
 from trackprofile.models.track import PointTrack
 from trackprofile.models.vehicle import Vehicle, turned_round
+from trackprofile.preprocessing.faults import Fault, FaultKind
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.faults import Fault, find_faults
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
@@ -22,6 +21,7 @@ from trackprofile.io.recording_columns import recording_of
 from trackprofile.io.recording_document import Document
 from trackprofile.io.table import headings, read_columns
 from trackprofile.io.timestamps import seconds
+from trackprofile.preprocessing.faults import Fault, find_faults
 from trackprofile.units import unit_factor
 
 Array = NDArray[np.float64]

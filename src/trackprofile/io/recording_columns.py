@@ -11,17 +11,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.clock import MENDED, mend
-from trackprofile.conditioning.faults import ClockFault
 from trackprofile.conditioning.sources import PLACED, Sources
-from trackprofile.conditioning.time_base import Series, on_one_base
 from trackprofile.contracts import QUANTITIES, Channel, build_recording
 from trackprofile.errors import DataError
 from trackprofile.io import table
 from trackprofile.io.recording_document import Document, Quantity, Sensor
 from trackprofile.io.recording_places import GOOD, has_places, place_columns, place_factor, sources
 from trackprofile.io.timestamps import FORMS, seconds
-from trackprofile.motion import filled
+from trackprofile.preprocessing.clock import MENDED, mend
+from trackprofile.preprocessing.faults import ClockFault
+from trackprofile.preprocessing.motion import filled
+from trackprofile.preprocessing.resampling import Series, on_one_base
 from trackprofile.units import unit_factor
 
 Array = NDArray[np.float64]

@@ -18,14 +18,14 @@ from trackprofile.conditioning.sources import (
     Sources,
     unwrapped,
 )
-from trackprofile.conditioning.time_base import Series
 from trackprofile.errors import DataError
 from trackprofile.io import table
 from trackprofile.io.recording_document import Head, Odometer, Quantity
 from trackprofile.io.recording_document import Posts as PostKeys
 from trackprofile.io.timestamps import FORMS, seconds
 from trackprofile.io.way_table import read_way
-from trackprofile.motion import recorded_step
+from trackprofile.preprocessing.motion import recorded_step
+from trackprofile.preprocessing.resampling import Series
 from trackprofile.units import unit_factor
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trackprofile.kalman.transition_kernels import COLUMNS, bays
 from trackprofile.models.statespace import StateSpace, step_table
-from trackprofile.motion import Motion
+from trackprofile.preprocessing.motion import Motion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import runs
-from trackprofile.motion import recorded_step
+from trackprofile.preprocessing.motion import recorded_step
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, median_filter
 
 from trackprofile.bands import runs
-from trackprofile.conditioning.rules import (
+from trackprofile.contracts import channels
+from trackprofile.preprocessing.fault_detectors import (
     at_end_of_range,
     copied,
     resolution,
@@ -24,7 +25,6 @@ from trackprofile.conditioning.rules import (
     step_of_all,
     stuck,
 )
-from trackprofile.contracts import channels
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
