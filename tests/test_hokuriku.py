@@ -22,7 +22,7 @@ from trackprofile.io import read
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 from trackprofile.reporting.written import Report, differences
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hokuriku"

@@ -22,9 +22,9 @@ from trackprofile.io.inspection import inspect, write_toml
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import write_columns
-from trackprofile.location import Way
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation
+from trackprofile.positioning.chainage import Way
 from trackprofile.preprocessing.faults import FaultKind, find_faults
 from train_rides import DIAMETER, PULSE, PULSES, World, ride, sources
 

@@ -22,8 +22,8 @@ from trackprofile.io import write
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.limits import Action
-from trackprofile.location import Way
 from trackprofile.models.irregularity import random
+from trackprofile.positioning.chainage import Way
 from trackprofile.reporting import report
 from trackprofile.reporting.strips import chart_data
 from trackprofile.reporting.summary import summary

@@ -33,7 +33,7 @@ from trackprofile.contracts import (
 )
 from trackprofile.errors import DataError, FileError
 from trackprofile.io.limits_toml import read_limits
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 from trackprofile.store import Entry, Origin, Place, Store
 from trackprofile.store.columns import profile_columns
 from trackprofile.store.entry import document, entry_id, parsed

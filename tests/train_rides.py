@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from trackprofile.conditioning.sources import Fixes, Posts, Rolled, Shown, Sources
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.sources import Fixes, Posts, Rolled, Shown, Sources
 
 Array = np.ndarray
 

@@ -13,7 +13,7 @@ from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.sections import Section
 from trackprofile.contracts import Rail
 from trackprofile.limits import Action
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 
 Table = dict[str, list[Any]]
 """Columns of equal length, by name."""

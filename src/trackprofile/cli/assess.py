@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from trackprofile.assessment.changes import Changes, Pass
     from trackprofile.contracts import Rail
     from trackprofile.limits import Limits
-    from trackprofile.location import Way
+    from trackprofile.positioning.chainage import Way
 
 TABLES = ("defects", "sections", "not_assessed", "spectra")
 CHANGE_TABLES = ("changes", "repeatability")
@@ -209,7 +209,7 @@ def changes(
 def way_of(path: Path | None) -> Way:
     """Kilometre posts and coordinates from a file; without one, the distance itself."""
     from trackprofile.io.way_table import read_way
-    from trackprofile.location import Way
+    from trackprofile.positioning.chainage import Way
 
     return Way() if path is None else read_way(path)
 

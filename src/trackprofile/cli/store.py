@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trackprofile.assessment.assess import Assessment
-    from trackprofile.location import Way
+    from trackprofile.positioning.chainage import Way
     from trackprofile.store import Entry, Origin, Store
 
 PASSES = "passes"

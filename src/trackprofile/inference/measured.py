@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.sources import PLACED
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import DataError, ModelError
@@ -20,6 +19,7 @@ from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import FILTER_STATES, StateSpace, state_space
 from trackprofile.models.track import PointTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
+from trackprofile.positioning.sources import PLACED
 from trackprofile.preprocessing.clock import MENDED
 from trackprofile.preprocessing.fault_detectors import far, resolution
 from trackprofile.preprocessing.faults import (

@@ -11,13 +11,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.sources import PLACED, Sources
 from trackprofile.contracts import QUANTITIES, Channel, build_recording
 from trackprofile.errors import DataError
 from trackprofile.io import table
 from trackprofile.io.recording_document import Document, Quantity, Sensor
 from trackprofile.io.recording_places import GOOD, has_places, place_columns, place_factor, sources
 from trackprofile.io.timestamps import FORMS, seconds
+from trackprofile.positioning.sources import PLACED, Sources
 from trackprofile.preprocessing.clock import MENDED, mend
 from trackprofile.preprocessing.faults import ClockFault
 from trackprofile.preprocessing.motion import filled
@@ -75,7 +75,7 @@ def _located(
 ) -> Iterator[str]:
     """Put the distance, and how well it is known, into what was found; steps of the provenance on that."""
     # Numba, which this imports, takes a third of a second; most recordings do without.
-    from trackprofile.conditioning.whereabouts import whereabouts
+    from trackprofile.positioning.locate import whereabouts
 
     yield from (MENDED + note for note in mended)
     where = whereabouts(sources, found["time"])

@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from trackprofile.conditioning.sources import NOMINAL
 from trackprofile.io import toml_document
+from trackprofile.positioning.sources import NOMINAL
 
 
 class Quantity(toml_document.Strict):

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.sources import (
+from trackprofile.errors import DataError
+from trackprofile.io import table
+from trackprofile.io.recording_document import Head, Odometer, Quantity
+from trackprofile.io.recording_document import Posts as PostKeys
+from trackprofile.io.timestamps import FORMS, seconds
+from trackprofile.io.way_table import read_way
+from trackprofile.positioning.sources import (
     NOMINAL,
     Fixes,
     Posts,
@@ -18,12 +24,6 @@ from trackprofile.conditioning.sources import (
     Sources,
     unwrapped,
 )
-from trackprofile.errors import DataError
-from trackprofile.io import table
-from trackprofile.io.recording_document import Head, Odometer, Quantity
-from trackprofile.io.recording_document import Posts as PostKeys
-from trackprofile.io.timestamps import FORMS, seconds
-from trackprofile.io.way_table import read_way
 from trackprofile.preprocessing.motion import recorded_step
 from trackprofile.preprocessing.resampling import Series
 from trackprofile.units import unit_factor

@@ -12,7 +12,7 @@ import numpy as np
 
 from trackprofile.errors import DataError, FileError, RowError
 from trackprofile.io.table import SUFFIXES, column_names, read_columns
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 
 POST, NORTH, EAST = "kilometre", "latitude_deg", "longitude_deg"
 

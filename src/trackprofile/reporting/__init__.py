@@ -10,7 +10,7 @@ from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.changes import Changes
 from trackprofile.errors import FileError
 from trackprofile.io.atomic import check_places, whole_files
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 from trackprofile.reporting.page import html
 from trackprofile.reporting.paper import write_pdf
 from trackprofile.reporting.written import Report

@@ -14,7 +14,7 @@ from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.levels import BandLevel, not_assessed
 from trackprofile.assessment.tables import words
 from trackprofile.bands import resample
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from trackprofile.assessment.changes import ChangedPlace, Changes
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.tables import words
 from trackprofile.limits import KM_H, Action
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 
 NAMED = 5
 """Places that are named in a sentence; all are in the table."""

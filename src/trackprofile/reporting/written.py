@@ -12,7 +12,7 @@ from trackprofile.assessment.changes import Changes
 from trackprofile.assessment.sections import Section
 from trackprofile.bands import edge_distance
 from trackprofile.limits import KM_H
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 
 _MILLI = 1e3
 

@@ -20,7 +20,7 @@ from trackprofile.assessment.tables import tables
 from trackprofile.contracts import Quality, has_rate, validate_profile
 from trackprofile.errors import DataError
 from trackprofile.limits import Action
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 from trackprofile.store.assessed import table_bytes
 from trackprofile.store.catalogue import entries_of_day, newest
 from trackprofile.store.columns import attributes_of, parquet_bytes, profile_columns

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from trackprofile.errors import DataError, FileError
 from trackprofile.io.way_table import read_way
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 
 
 def test_without_posts_a_kilometre_has_1000_m() -> None:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import runs
-from trackprofile.conditioning.placing import AROUND, Placed, placed, run_of
-from trackprofile.conditioning.readings import (
+from trackprofile.errors import DataError
+from trackprofile.positioning.map_matching import AROUND, Placed, placed, run_of
+from trackprofile.positioning.position_model import COMMON, FAR, Assumed
+from trackprofile.positioning.position_observations import (
     STILL,
     Readings,
     Source,
@@ -23,10 +25,8 @@ from trackprofile.conditioning.readings import (
     stands_of_rolled,
     stands_of_speed,
 )
-from trackprofile.conditioning.sources import Sources
-from trackprofile.conditioning.travel import BEYOND, Travel, travel
-from trackprofile.conditioning.travel_chain import COMMON, FAR, Assumed
-from trackprofile.errors import DataError
+from trackprofile.positioning.position_smoother import BEYOND, Travel, travel
+from trackprofile.positioning.sources import Sources
 from trackprofile.preprocessing.faults import ClockFault
 
 Array = NDArray[np.float64]

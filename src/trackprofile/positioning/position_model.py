@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.conditioning.readings import Readings, Source, Stand
 from trackprofile.kalman.chain import Chain
+from trackprofile.positioning.position_observations import Readings, Source, Stand
 from trackprofile.preprocessing.motion import ACCELERATION_WALK
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from trackprofile.bands import runs
-from trackprofile.conditioning.sources import Fixes, Posts, Rolled, Shown
+from trackprofile.positioning.sources import Fixes, Posts, Rolled, Shown
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from trackprofile.conditioning.readings import Readings, Source, Stand
-from trackprofile.conditioning.travel_chain import (
+from trackprofile.kalman.chain import Smoothed, log_likelihood, smooth
+from trackprofile.positioning.position_model import (
     SCALE,
     SLIP,
     A,
@@ -28,7 +28,7 @@ from trackprofile.conditioning.travel_chain import (
     chain_of,
     rows_of,
 )
-from trackprofile.kalman.chain import Smoothed, log_likelihood, smooth
+from trackprofile.positioning.position_observations import Readings, Source, Stand
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from trackprofile.conditioning.line import cartesian, line_of
-from trackprofile.conditioning.own_line import own_line
-from trackprofile.conditioning.readings import (
+from trackprofile.errors import DataError
+from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.gnss_alignment import own_line
+from trackprofile.positioning.polyline import cartesian, line_of
+from trackprofile.positioning.position_observations import (
     Readings,
     Source,
     fresh_fixes,
     of_fixes,
     of_posts,
 )
-from trackprofile.conditioning.sources import Fixes, Posts
-from trackprofile.errors import DataError
-from trackprofile.location import Way
+from trackprofile.positioning.sources import Fixes, Posts
 
 Array = NDArray[np.float64]
 Run = tuple[Array, Array]

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trackprofile.conditioning.sources import Fixes, Posts, Rolled, Shown, Sources, unwrapped
-from trackprofile.conditioning.whereabouts import Whereabouts, whereabouts
 from trackprofile.errors import DataError
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.locate import Whereabouts, whereabouts
+from trackprofile.positioning.sources import Fixes, Posts, Rolled, Shown, Sources, unwrapped
 from trackprofile.preprocessing.faults import ClockFault
 from train_rides import BEGIN, Ride, World, ride, sources
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

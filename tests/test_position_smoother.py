@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackprofile.conditioning.readings import Readings, Source
-from trackprofile.conditioning.travel import travel
-from trackprofile.conditioning.travel_chain import Assumed
+from trackprofile.positioning.position_model import Assumed
+from trackprofile.positioning.position_observations import Readings, Source
+from trackprofile.positioning.position_smoother import travel
 
 Array = np.ndarray
 

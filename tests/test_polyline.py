@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from trackprofile.conditioning.line import cartesian, line_of
-from trackprofile.conditioning.own_line import own_line
-from trackprofile.conditioning.sources import unwrapped
 from trackprofile.errors import DataError
-from trackprofile.location import Way
+from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.gnss_alignment import own_line
+from trackprofile.positioning.polyline import cartesian, line_of
+from trackprofile.positioning.sources import unwrapped
 from train_rides import EQUATOR, SQUARED, Line, line
 
 Array = np.ndarray
