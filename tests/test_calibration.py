@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from trackprofile.calibration.calibrate import calibrate
 from trackprofile.comparison import compare
 from trackprofile.contracts import between, build_profile
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError, UndeterminedError
-from trackprofile.inference.calibration import calibrate
 from trackprofile.inference.estimate import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.sensor import Installation

@@ -18,10 +18,10 @@ from scipy.interpolate import CubicSpline
 import damage
 from damage import DAMAGES, Damage, Sensor, Table
 from trackprofile.bands import D1, D2, band_pass
+from trackprofile.calibration.calibrate import calibrate
 from trackprofile.contracts import Quality, build_profile, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
-from trackprofile.inference.calibration import calibrate
 from trackprofile.inference.estimate import Estimate, estimate
 from trackprofile.io import read
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle

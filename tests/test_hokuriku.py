@@ -14,9 +14,9 @@ import pytest
 import xarray as xr
 
 from trackprofile.assessment.assess import assess
+from trackprofile.calibration.calibrate import Calibration, calibrate
 from trackprofile.comparison import Comparison, compare
 from trackprofile.contracts import between, build_profile
-from trackprofile.inference.calibration import Calibration, calibrate
 from trackprofile.inference.estimate import infer
 from trackprofile.io import read
 from trackprofile.io.limits_toml import read_limits

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from trackprofile.assessment.assess import assess as assess
     from trackprofile.assessment.changes import changes as changes
+    from trackprofile.calibration.calibrate import calibrate as calibrate
     from trackprofile.comparison import compare as compare
     from trackprofile.inference.bound import limit as limit
-    from trackprofile.inference.calibration import calibrate as calibrate
     from trackprofile.inference.estimate import infer as infer
     from trackprofile.io import read as read
     from trackprofile.io import write as write
@@ -41,7 +41,7 @@ _HOMES = {
     "Spectrum": "models.spectrum",
     "Vehicle": "models.vehicle",
     "assess": "assessment.assess",
-    "calibrate": "inference.calibration",
+    "calibrate": "calibration.calibrate",
     "changes": "assessment.changes",
     "compare": "comparison",
     "infer": "inference.estimate",

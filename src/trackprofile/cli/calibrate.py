@@ -40,8 +40,8 @@ def calibrate(
     as_json: Json = False,
 ) -> None:
     """Fit a vehicle to recordings, with or without a reference for the profile under them."""
+    from trackprofile.calibration.calibrate import calibrate as fit
     from trackprofile.contracts import between
-    from trackprofile.inference.calibration import calibrate as fit
     from trackprofile.io.atomic import check_places, whole_files
     from trackprofile.io.model_toml import (
         check_vehicle_place,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.calibration.datasets import Pass
 from trackprofile.inference.measured import (
     USUAL,
     Measured,
@@ -17,7 +18,6 @@ from trackprofile.inference.measured import (
     row_signals,
     start_of,
 )
-from trackprofile.inference.passes import Pass
 from trackprofile.kalman.smoother import innovations
 from trackprofile.models.spectrum import scaled
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.calibration.datasets import Pass
 from trackprofile.inference.evidence import innovations_of
 from trackprofile.inference.likelihood import Progress, maximise
 from trackprofile.inference.measured import (
@@ -30,7 +31,6 @@ from trackprofile.inference.parameters import (
     values_of,
     white_noise_parameters,
 )
-from trackprofile.inference.passes import Pass
 from trackprofile.kalman.robust import settle
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.spectrum import Spectrum

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from plotly.graph_objects import Figure as Page
 
-    from trackprofile.inference.calibration import Calibration
+    from trackprofile.calibration.calibrate import Calibration
     from trackprofile.simulation.simulate import Simulation
 
 __all__ = [
@@ -114,7 +114,7 @@ def calibration_picture(calibration: Calibration) -> Figure:
 
     Parameters
     ----------
-    calibration : of `trackprofile.inference.calibration.calibrate`
+    calibration : of `trackprofile.calibration.calibrate.calibrate`
     """
     from trackprofile.plot.calibration import draw
 

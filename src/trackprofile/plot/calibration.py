@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from trackprofile.inference.calibration import Calibration
-from trackprofile.inference.certainty import LikelihoodProfile, likelihood_profiles
-from trackprofile.inference.usable import Explained
+from trackprofile.calibration.bandwidth import Explained
+from trackprofile.calibration.calibrate import Calibration
+from trackprofile.calibration.likelihood_profiles import LikelihoodProfile, likelihood_profiles
 from trackprofile.models.sensor import Sensor
 from trackprofile.plot.chart import COLOURS, ELEVATION, MEASURED, REPRODUCED, RESIDUAL
 

@@ -10,7 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.inference.fitting import (
+from trackprofile.calibration.bandwidth import Explained, explained, limited
+from trackprofile.calibration.datasets import Pass, informative, passes_of
+from trackprofile.calibration.fitting import (
     Fit,
     disagreement,
     fit_mechanics,
@@ -36,8 +38,6 @@ from trackprofile.inference.parameters import (
     value_of,
     vehicle_parameters,
 )
-from trackprofile.inference.passes import Pass, informative, passes_of
-from trackprofile.inference.usable import Explained, explained, limited
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 from trackprofile.models.spectrum import Spectrum

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.calibration.fitting import Fit
 from trackprofile.inference.evidence import innovations_of
-from trackprofile.inference.fitting import Fit
 from trackprofile.inference.likelihood import log_likelihood
 from trackprofile.inference.measured import Model
 from trackprofile.inference.parameters import changed, values_of

@@ -10,8 +10,8 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
+from trackprofile.calibration.calibrate import calibrate
 from trackprofile.demo import simulated
-from trackprofile.inference.calibration import calibrate
 from trackprofile.inference.estimate import estimate
 from trackprofile.io.model_toml import (
     read_sensors,

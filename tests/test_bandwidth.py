@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from trackprofile.calibration.bandwidth import explained, limited
+from trackprofile.calibration.calibrate import calibrate
+from trackprofile.calibration.datasets import informative, passes_of, short
+from trackprofile.calibration.identifiability import marginal, told
+from trackprofile.calibration.likelihood_profiles import likelihood_profiles
 from trackprofile.contracts import Channel, between, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, UndeterminedError
-from trackprofile.inference.calibration import calibrate
-from trackprofile.inference.certainty import likelihood_profiles
-from trackprofile.inference.information import marginal, told
 from trackprofile.inference.measured import Model, measured
 from trackprofile.inference.parameters import vehicle_parameters
-from trackprofile.inference.passes import informative, passes_of, short
-from trackprofile.inference.usable import explained, limited
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from trackprofile.calibration.datasets import Pass, short
+from trackprofile.calibration.identifiability import LITTLE, NOTHING, marginal, told
 from trackprofile.inference.evidence import innovations_of, rows_of
-from trackprofile.inference.information import LITTLE, NOTHING, marginal, told
 from trackprofile.inference.likelihood import Maximum, Progress, log_likelihood, maximise, slopes
 from trackprofile.inference.measured import Model
 from trackprofile.inference.parameters import (
@@ -21,7 +22,6 @@ from trackprofile.inference.parameters import (
     residual_parameters,
     values_of,
 )
-from trackprofile.inference.passes import Pass, short
 
 Array = NDArray[np.float64]
 
