@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel, Quality, build_recording
 from trackprofile.errors import DataError, ModelError
-from trackprofile.inference import cross_entropy_kernels as kernels
-from trackprofile.inference.cross_entropy import (
+from trackprofile.io.model_toml import read_track, read_vehicle
+from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
+from trackprofile.methods.cross_entropy.estimator import (
     INTERRUPTED,
     Run,
     cross_entropy,
@@ -20,12 +21,18 @@ from trackprofile.inference.cross_entropy import (
     phase,
     weights,
 )
-from trackprofile.inference.trial import trial
-from trackprofile.io.model_toml import read_track, read_vehicle
+from trackprofile.methods.cross_entropy.forward_model import trial
+from trackprofile.methods.cross_entropy.search import (
+    TABLE_5,
+    TABLE_6,
+    Evaluation,
+    Objective,
+    Search,
+    Variant,
+)
 from trackprofile.models.integrate import wilson
 from trackprofile.models.irregularity import Bell
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
-from trackprofile.search import TABLE_5, TABLE_6, Evaluation, Objective, Search, Variant
 
 Array = NDArray[np.float64]
 

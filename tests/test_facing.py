@@ -13,11 +13,11 @@ from trackprofile.bands import D1, band_pass
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
-from trackprofile.inference.cross_entropy import cross_entropy
 from trackprofile.inference.estimate import estimate
 from trackprofile.inference.facing import facing
 from trackprofile.inference.measured import Measured, measured
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
+from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.vehicle import Vehicle, turned_round

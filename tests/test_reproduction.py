@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from trackprofile.errors import FileError
+from trackprofile.methods.cross_entropy.search import TABLE_6
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.models.irregularity import Bell
 from trackprofile.paper import (
@@ -27,7 +28,6 @@ from trackprofile.reproduction.page import files, html
 from trackprofile.reproduction.parts import Panel, Section, Table
 from trackprofile.reproduction.studies import growth, in_bands, search, shorter, without_parabola
 from trackprofile.reproduction.tables import settings
-from trackprofile.search import TABLE_6
 
 
 def test_every_printed_number_is_what_the_package_runs_with() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from trackprofile.errors import FileError
-from trackprofile.io.search_toml import read_search
-from trackprofile.search import TABLE_5, TABLE_6, Objective, Variant
+from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Variant
+from trackprofile.methods.cross_entropy.search_toml import read_search
 
 
 def test_tables_of_the_paper_by_name() -> None:

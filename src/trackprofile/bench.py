@@ -17,7 +17,6 @@ import xarray as xr
 
 from trackprofile.assessment.assess import assess
 from trackprofile.contracts import build_profile
-from trackprofile.inference.cross_entropy import cross_entropy
 from trackprofile.inference.measured import KNOT_SPACING
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import (
@@ -31,6 +30,8 @@ from trackprofile.io.model_toml import (
 from trackprofile.kalman.smoother import prepare, smooth, start_of_ride, variances
 from trackprofile.kalman.time_steps import build_ride
 from trackprofile.machine import in_one_thread, machine, peak_memory
+from trackprofile.methods.cross_entropy.estimator import cross_entropy
+from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Variant
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Flat, random
 from trackprofile.models.receptance import point_track
@@ -40,7 +41,6 @@ from trackprofile.models.vehicle import Vehicle
 from trackprofile.paper import bell, model_b, recorded, ridden
 from trackprofile.preprocessing.motion import Motion
 from trackprofile.reporting import report
-from trackprofile.search import TABLE_5, TABLE_6, Variant
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, simulate
 

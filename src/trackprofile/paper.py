@@ -14,13 +14,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel, build_profile, build_recording
-from trackprofile.inference.trial import Trial, trial
 from trackprofile.io.model_toml import (
     read_instruments,
     read_spectrum,
     read_track,
     read_vehicle,
 )
+from trackprofile.methods.cross_entropy.forward_model import Trial, trial
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.models.irregularity import Bell, Irregularity, Sum, random
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor

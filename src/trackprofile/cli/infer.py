@@ -78,13 +78,13 @@ def infer(
     method that the smoother replaces, gives no uncertainty. A long run keeps what it has solved in a hidden folder
     beside PROFILE until it ends.
     """
-    from trackprofile import search as searches
     from trackprofile.contracts import between
-    from trackprofile.inference.cross_entropy import INTERRUPTED, cross_entropy
     from trackprofile.inference.estimate import estimate
     from trackprofile.io.carrier import carrier
     from trackprofile.io.model_toml import read_spectrum, read_track
-    from trackprofile.io.search_toml import read_search
+    from trackprofile.methods.cross_entropy import search as searches
+    from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
+    from trackprofile.methods.cross_entropy.search_toml import read_search
     from trackprofile.outputs import estimate_files, summary, write_estimate
     from trackprofile.resume import kept_beside, key_of
 

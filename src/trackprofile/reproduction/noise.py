@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from trackprofile.io.model_toml import read_spectrum
+from trackprofile.methods.cross_entropy.search import TABLE_6, Variant
 from trackprofile.models.irregularity import Bell, random
 from trackprofile.models.sensor_errors import Instrument, noise, noise_density
 from trackprofile.paper import (
@@ -29,7 +30,6 @@ from trackprofile.reproduction.studies import (
     search,
     smoothed,
 )
-from trackprofile.search import TABLE_6, Variant
 
 Array = NDArray[np.float64]
 

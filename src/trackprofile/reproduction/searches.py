@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference.cross_entropy import Found, Phase
 from trackprofile.io.model_toml import read_spectrum
+from trackprofile.methods.cross_entropy.estimator import Found, Phase
+from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Search, Variant
 from trackprofile.paper import CLASSES, Case, bell, finely_ridden, model_a, model_b, ridden
 from trackprofile.reproduction.parts import Cell, Panel, Section, Table, ratio
 from trackprofile.reproduction.studies import (
@@ -21,7 +22,6 @@ from trackprofile.reproduction.studies import (
     smoothed,
 )
 from trackprofile.reproduction.tables import median_generations
-from trackprofile.search import TABLE_5, TABLE_6, Objective, Search, Variant
 
 Array = NDArray[np.float64]
 

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.inference.bound import limit
-from trackprofile.inference.cross_entropy import Found, cross_entropy, weights
 from trackprofile.inference.estimate import Estimate, estimate
-from trackprofile.inference.trial import trial
+from trackprofile.methods.cross_entropy.estimator import Found, cross_entropy, weights
+from trackprofile.methods.cross_entropy.forward_model import trial
+from trackprofile.methods.cross_entropy.search import Search
 from trackprofile.models.integrate import Scheme
 from trackprofile.models.sensor_errors import Instrument
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.paper import Case, finely_ridden, recorded, ridden, with_lead
-from trackprofile.search import Search
 
 Array = NDArray[np.float64]
 

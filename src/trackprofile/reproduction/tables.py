@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackprofile.inference.cross_entropy import Found
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
+from trackprofile.methods.cross_entropy.estimator import Found
+from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Search
 from trackprofile.models.track import LayeredTrack
 from trackprofile.models.vehicle import parameter_values
 from trackprofile.reproduction.parts import Section, Table, beside
-from trackprofile.search import TABLE_5, TABLE_6, Search
 
 PAPERS_RATE = {"Model A": 45.0, "Model B": 100.0}
 """s per metre: "approximately 45 s/m", "over 100 s/m"."""

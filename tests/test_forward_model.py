@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from trackprofile.inference.trial import Trial, backward_derivatives, trial
 from trackprofile.io.model_toml import read_track, read_vehicle
+from trackprofile.methods.cross_entropy.forward_model import Trial, backward_derivatives, trial
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.models.irregularity import Bell
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor

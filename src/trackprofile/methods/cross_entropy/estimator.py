@@ -15,20 +15,27 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
-from trackprofile.inference import cross_entropy_kernels as kernels
 from trackprofile.inference.doubted import said
 from trackprofile.inference.facing import expect_as_described
 from trackprofile.inference.likelihood import Progress
 from trackprofile.inference.measured import loading, measured
 from trackprofile.inference.rails import mean_alone
-from trackprofile.inference.scans import Scans, scans_of
-from trackprofile.inference.trial import Trial, trial
+from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
+from trackprofile.methods.cross_entropy.forward_model import Trial, trial
+from trackprofile.methods.cross_entropy.scans import Scans, scans_of
+from trackprofile.methods.cross_entropy.search import (
+    TABLE_5,
+    TABLE_6,
+    Evaluation,
+    Objective,
+    Search,
+    Variant,
+)
 from trackprofile.models.integrate import wilson
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.preprocessing.motion import along_track
-from trackprofile.search import TABLE_5, TABLE_6, Evaluation, Objective, Search, Variant
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from pydantic import BeforeValidator
 from trackprofile.errors import FileError, ModelError
 from trackprofile.io.scenario_tables import Length, si
 from trackprofile.io.toml_document import Strict, load
-from trackprofile.search import TABLE_5, TABLE_6, Objective, Search, Variant
+from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Search, Variant
 
 SEARCHES = {"table-5": TABLE_5, "table-6": TABLE_6}
 AS_RECORDED = "as recorded"
