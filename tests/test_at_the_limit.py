@@ -14,8 +14,8 @@ import pytest
 from scipy.signal import periodogram
 
 from trackprofile.bands import BANDS, band_pass
+from trackprofile.inference.accuracy_limit import limit
 from trackprofile.inference.blocks import band_spreads
-from trackprofile.inference.bound import limit
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.kalman.smoother import Filter, error_draws, prepare, smooth, start_of_ride
 from trackprofile.kalman.time_steps import build_ride

@@ -16,7 +16,7 @@ from trackprofile.calibration.likelihood_profiles import likelihood_profiles
 from trackprofile.contracts import Channel, between, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, UndeterminedError
-from trackprofile.inference.measured import Model, measured
+from trackprofile.inference.observations import Model, measured
 from trackprofile.inference.parameters import vehicle_parameters
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track

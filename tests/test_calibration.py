@@ -13,7 +13,7 @@ from trackprofile.comparison import compare
 from trackprofile.contracts import between, build_profile
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError, UndeterminedError
-from trackprofile.inference.estimate import infer
+from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.sensor import Installation
 from trackprofile.models.vehicle import parameter_values, with_parameters

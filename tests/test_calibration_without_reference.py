@@ -14,7 +14,7 @@ from full_track_recording import STEADY, VELARO, recorded
 from trackprofile.calibration.calibrate import Calibration, calibrate
 from trackprofile.comparison import compare
 from trackprofile.demo import simulated
-from trackprofile.inference.estimate import infer
+from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor

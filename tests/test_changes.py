@@ -17,7 +17,7 @@ from trackprofile.assessment.changes import Changes, Pass, changes
 from trackprofile.bands import BANDS, D1, band_pass, gain
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError
-from trackprofile.inference.estimate import infer
+from trackprofile.inference.infer import infer
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_sensors, read_spectrum
 from trackprofile.limits import Action

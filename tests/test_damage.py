@@ -22,7 +22,7 @@ from trackprofile.calibration.calibrate import calibrate
 from trackprofile.contracts import Quality, build_profile, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
-from trackprofile.inference.estimate import Estimate, estimate
+from trackprofile.inference.infer import Estimate, estimate
 from trackprofile.io import read
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import read_columns

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from trackprofile.calibration.calibrate import calibrate
 from trackprofile.demo import simulated
-from trackprofile.inference.estimate import estimate
+from trackprofile.inference.infer import estimate
 from trackprofile.io.model_toml import (
     read_sensors,
     read_spectrum,

@@ -189,7 +189,7 @@ def test_a_job_stores_once_and_knows_before_inferring(
     def fall(*_: object, **__: object) -> None:
         raise AssertionError("inferred again")
 
-    monkeypatch.setattr("trackprofile.inference.estimate.estimate", fall)
+    monkeypatch.setattr("trackprofile.inference.infer.estimate", fall)
     second = bring(job)
     assert (second.state, second.entry) == (State.THERE, first.entry)
     with pytest.raises(AssertionError, match="inferred again"):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from test_at_the_limit import Outcome, check_limit, outcome
 from trackprofile.contracts import build_recording, channels
 from trackprofile.demo import simulated
-from trackprofile.inference.estimate import estimate
+from trackprofile.inference.infer import estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.flicker_noise import HIGHEST, LOWEST, processes
 from trackprofile.models.receptance import point_track

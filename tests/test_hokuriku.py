@@ -17,7 +17,7 @@ from trackprofile.assessment.assess import assess
 from trackprofile.calibration.calibrate import Calibration, calibrate
 from trackprofile.comparison import Comparison, compare
 from trackprofile.contracts import between, build_profile
-from trackprofile.inference.estimate import infer
+from trackprofile.inference.infer import infer
 from trackprofile.io import read
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_vehicle

@@ -23,7 +23,7 @@ from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
 from trackprofile.inference.blocks import Piece
-from trackprofile.inference.estimate import estimate
+from trackprofile.inference.infer import estimate
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.integrate import newmark

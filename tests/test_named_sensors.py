@@ -16,7 +16,7 @@ import xarray as xr
 
 from trackprofile.bands import D1, D2, Band, band_pass
 from trackprofile.contracts import Channel, build_recording
-from trackprofile.inference.estimate import estimate
+from trackprofile.inference.infer import estimate
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.sensor_errors import Instrument, measure

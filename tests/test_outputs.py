@@ -12,7 +12,7 @@ import xarray as xr
 
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
-from trackprofile.inference.estimate import estimate
+from trackprofile.inference.infer import estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.outputs import write_estimate
 

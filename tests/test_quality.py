@@ -10,7 +10,7 @@ import xarray as xr
 
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
-from trackprofile.inference.estimate import estimate
+from trackprofile.inference.infer import estimate
 from trackprofile.inference.quality import felt_at
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track

@@ -30,11 +30,11 @@ from trackprofile.contracts import (
 )
 from trackprofile.errors import DataError, RowError
 from trackprofile.inference import blocks
+from trackprofile.inference.accuracy_limit import limit_per_rail
 from trackprofile.inference.blocks import Piece
-from trackprofile.inference.bound import limit_per_rail
-from trackprofile.inference.estimate import Estimate, estimate, infer
-from trackprofile.inference.measured import measured
-from trackprofile.inference.rails import by_rail, levels_of
+from trackprofile.inference.infer import Estimate, estimate, infer
+from trackprofile.inference.observations import measured
+from trackprofile.inference.rail_decomposition import by_rail, levels_of
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import read_spectrum, write_vehicle
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty

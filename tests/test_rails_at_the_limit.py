@@ -23,8 +23,8 @@ from trackprofile.contracts import (
     of_rail,
     with_rails,
 )
-from trackprofile.inference.bound import limit_per_rail
-from trackprofile.inference.estimate import infer
+from trackprofile.inference.accuracy_limit import limit_per_rail
+from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_spectrum, read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.kalman.smoother import prepare, smooth, start_of_ride

@@ -11,7 +11,7 @@ import pytest
 from trackprofile.assessment.assess import assess
 from trackprofile.bands import D1, band_pass, resample
 from trackprofile.demo import simulated
-from trackprofile.inference.estimate import infer
+from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.limits import Action, DefectLimits, Limits
 from trackprofile.models.receptance import point_track

@@ -12,7 +12,7 @@ import xarray as xr
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
-from trackprofile.inference.estimate import Estimate, estimate
+from trackprofile.inference.infer import Estimate, estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.preprocessing.faults import FaultKind

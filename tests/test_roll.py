@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from trackprofile.bands import D1
 from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
-from trackprofile.inference.bound import limit_per_rail
+from trackprofile.inference.accuracy_limit import limit_per_rail
 from trackprofile.io.model_toml import presets, read_spectrum, read_vehicle, write_vehicle
 from trackprofile.models.modal import roll_modes
 from trackprofile.models.roll import (

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from trackprofile.assessment.changes import changes as changes
     from trackprofile.calibration.calibrate import calibrate as calibrate
     from trackprofile.comparison import compare as compare
-    from trackprofile.inference.bound import limit as limit
-    from trackprofile.inference.estimate import infer as infer
+    from trackprofile.inference.accuracy_limit import limit as limit
+    from trackprofile.inference.infer import infer as infer
     from trackprofile.io import read as read
     from trackprofile.io import write as write
     from trackprofile.models.sensor import Sensor as Sensor
@@ -44,8 +44,8 @@ _HOMES = {
     "calibrate": "calibration.calibrate",
     "changes": "assessment.changes",
     "compare": "comparison",
-    "infer": "inference.estimate",
-    "limit": "inference.bound",
+    "infer": "inference.infer",
+    "limit": "inference.accuracy_limit",
     "read": "io",
     "report": "reporting",
     "simulate": "simulation.simulate",

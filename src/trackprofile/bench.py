@@ -17,7 +17,7 @@ import xarray as xr
 
 from trackprofile.assessment.assess import assess
 from trackprofile.contracts import build_profile
-from trackprofile.inference.measured import KNOT_SPACING
+from trackprofile.inference.observations import KNOT_SPACING
 from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import (
     presets,

@@ -18,8 +18,8 @@ from scipy.signal import lsim
 from trackprofile.comparison import Comparison, compare
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import FileError
-from trackprofile.inference.estimate import Estimate, estimate
-from trackprofile.inference.likelihood import Progress
+from trackprofile.inference.infer import Estimate, estimate
+from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import (
     read_sensors,

@@ -26,7 +26,7 @@ from trackprofile.scenario import SOURCE, Made
 
 
 class Inferred(Protocol):
-    """What any method of infer gives; see `trackprofile.inference.estimate.Estimate`."""
+    """What any method of infer gives; see `trackprofile.inference.infer.Estimate`."""
 
     @property
     def profile(self) -> xr.Dataset: ...

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from scipy.signal import butter, fftconvolve, kaiserord, sosfilt, welch
 
 from trackprofile.errors import DataError
-from trackprofile.inference.measured import Measured, Model, moved
+from trackprofile.inference.observations import Measured, Model, moved
 from trackprofile.models.receptance import FITTED_UP_TO
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum, scaled

@@ -20,9 +20,8 @@ from trackprofile.calibration.fitting import (
     fitted,
     highest_of,
 )
-from trackprofile.inference.known import SEARCHED_ORIGINS
-from trackprofile.inference.likelihood import Progress
-from trackprofile.inference.measured import (
+from trackprofile.inference.maximum_likelihood import Progress
+from trackprofile.inference.observations import (
     KNOT_SPACING,
     USUAL,
     Model,
@@ -38,6 +37,7 @@ from trackprofile.inference.parameters import (
     value_of,
     vehicle_parameters,
 )
+from trackprofile.inference.reference import SEARCHED_ORIGINS
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 from trackprofile.models.spectrum import Spectrum

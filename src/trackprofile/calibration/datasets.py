@@ -11,11 +11,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.doubted import said
-from trackprofile.inference.facing import expect_as_described
-from trackprofile.inference.known import KnownProfile
-from trackprofile.inference.measured import Measured, measured
-from trackprofile.inference.rails import mean_alone
+from trackprofile.inference.observations import Measured, measured
+from trackprofile.inference.orientation import expect_as_described
+from trackprofile.inference.outliers import said
+from trackprofile.inference.rail_decomposition import mean_alone
+from trackprofile.inference.reference import KnownProfile
 from trackprofile.models.sensor import Installation
 from trackprofile.models.vehicle import Vehicle
 

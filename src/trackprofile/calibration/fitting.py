@@ -11,9 +11,15 @@ from scipy.optimize import minimize
 
 from trackprofile.calibration.datasets import Pass, short
 from trackprofile.calibration.identifiability import LITTLE, NOTHING, marginal, told
-from trackprofile.inference.evidence import innovations_of, rows_of
-from trackprofile.inference.likelihood import Maximum, Progress, log_likelihood, maximise, slopes
-from trackprofile.inference.measured import Model
+from trackprofile.inference.marginal_likelihood import innovations_of, rows_of
+from trackprofile.inference.maximum_likelihood import (
+    Maximum,
+    Progress,
+    log_likelihood,
+    maximise,
+    slopes,
+)
+from trackprofile.inference.observations import Model
 from trackprofile.inference.parameters import (
     Parameter,
     changed,

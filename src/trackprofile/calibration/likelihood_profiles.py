@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.calibration.fitting import Fit
-from trackprofile.inference.evidence import innovations_of
-from trackprofile.inference.likelihood import log_likelihood
-from trackprofile.inference.measured import Model
+from trackprofile.inference.marginal_likelihood import innovations_of
+from trackprofile.inference.maximum_likelihood import log_likelihood
+from trackprofile.inference.observations import Model
 from trackprofile.inference.parameters import changed, values_of
 
 Array = NDArray[np.float64]

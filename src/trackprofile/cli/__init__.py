@@ -102,7 +102,7 @@ def limit(
     as_json: Json = False,
 ) -> None:
     """State the least error per band that any method could reach with these sensors."""
-    from trackprofile.inference.bound import limit_per_rail
+    from trackprofile.inference.accuracy_limit import limit_per_rail
     from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 
     metres_per_second = _speed(speed)

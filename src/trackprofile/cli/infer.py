@@ -79,7 +79,7 @@ def infer(
     beside PROFILE until it ends.
     """
     from trackprofile.contracts import between
-    from trackprofile.inference.estimate import estimate
+    from trackprofile.inference.infer import estimate
     from trackprofile.io.carrier import carrier
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.methods.cross_entropy import search as searches

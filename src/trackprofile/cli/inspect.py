@@ -61,7 +61,7 @@ def _row(content: Content) -> tuple[str, ...]:
 
 def _about(found: Inspection) -> list[str]:
     """What a recording read in this way would be, and what is wrong with it."""
-    from trackprofile.inference.doubted import told
+    from trackprofile.inference.outliers import told
     from trackprofile.preprocessing.motion import motion
 
     if found.recording is None:

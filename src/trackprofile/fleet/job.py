@@ -147,7 +147,7 @@ def bring(job: Job) -> Outcome:
 def _brought(job: Job) -> tuple[State, Entry]:
     from trackprofile.assessment.assess import assess
     from trackprofile.contracts import Rail, of_rail
-    from trackprofile.inference.estimate import estimate
+    from trackprofile.inference.infer import estimate
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.store import add, open_store
 

@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from trackprofile.bands import BANDS, D3, Band, band_pass, edge_distance
-from trackprofile.inference.correction import beyond_reduced
-from trackprofile.inference.doubted import doubted, marked, single_outliers
-from trackprofile.inference.likelihood import Progress
-from trackprofile.inference.measured import (
+from trackprofile.inference.maximum_likelihood import Progress
+from trackprofile.inference.observations import (
     Measured,
     Model,
     moved,
@@ -29,8 +27,10 @@ from trackprofile.inference.measured import (
     start_of,
     walk_of,
 )
+from trackprofile.inference.outliers import doubted, marked, single_outliers
 from trackprofile.inference.quality import quality, unexplained_samples
 from trackprofile.inference.sensitivity import by_the_vehicle
+from trackprofile.inference.track_correction import beyond_reduced
 from trackprofile.kalman.robust import Settled, settle
 from trackprofile.kalman.smoother import prior_draws, smooth
 from trackprofile.kalman.time_steps import Ride
@@ -60,7 +60,7 @@ assert edge_distance(D3) + FADE / 2 <= OVERLAP
 
 @dataclass(frozen=True)
 class Task:
-    """What is the same for all blocks; see :func:`trackprofile.inference.estimate.infer`.
+    """What is the same for all blocks; see :func:`trackprofile.inference.infer.infer`.
 
     ``ends`` : m, where the leading wheel stood at the first and the last sample
     """

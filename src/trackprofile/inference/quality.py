@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import D1, Band, edge_distance
 from trackprofile.contracts import Quality
-from trackprofile.inference.measured import KNOT_SPACING, Measured, Model, moved
+from trackprofile.inference.observations import KNOT_SPACING, Measured, Model, moved
 from trackprofile.kalman.time_steps import Ride
 from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.vehicle import Vehicle

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference.likelihood import Progress
-from trackprofile.inference.measured import (
+from trackprofile.inference.maximum_likelihood import Progress
+from trackprofile.inference.observations import (
     Measured,
     Model,
     prepared_filter,

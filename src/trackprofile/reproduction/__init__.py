@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from trackprofile.errors import FileError
-from trackprofile.inference.likelihood import Progress
+from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.reproduction import noise, open_settings, page, searches, tables
 from trackprofile.reproduction.parts import Section

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.inference.bound import limit
-from trackprofile.inference.estimate import Estimate, estimate
+from trackprofile.inference.accuracy_limit import limit
+from trackprofile.inference.infer import Estimate, estimate
 from trackprofile.methods.cross_entropy.estimator import Found, cross_entropy, weights
 from trackprofile.methods.cross_entropy.forward_model import trial
 from trackprofile.methods.cross_entropy.search import Search

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
-from trackprofile.inference.doubted import said
-from trackprofile.inference.facing import expect_as_described
-from trackprofile.inference.likelihood import Progress
-from trackprofile.inference.measured import loading, measured
-from trackprofile.inference.rails import mean_alone
+from trackprofile.inference.maximum_likelihood import Progress
+from trackprofile.inference.observations import loading, measured
+from trackprofile.inference.orientation import expect_as_described
+from trackprofile.inference.outliers import said
+from trackprofile.inference.rail_decomposition import mean_alone
 from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
 from trackprofile.methods.cross_entropy.forward_model import Trial, trial
 from trackprofile.methods.cross_entropy.scans import Scans, scans_of

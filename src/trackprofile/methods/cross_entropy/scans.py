@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.measured import Measured, own_acceleration
+from trackprofile.inference.observations import Measured, own_acceleration
 from trackprofile.methods.cross_entropy.search import Search
 from trackprofile.models.sensor import Installation
 from trackprofile.preprocessing.motion import along_track

@@ -13,9 +13,9 @@ from trackprofile.bands import D1, band_pass
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
-from trackprofile.inference.estimate import estimate
-from trackprofile.inference.facing import facing
-from trackprofile.inference.measured import Measured, measured
+from trackprofile.inference.infer import estimate
+from trackprofile.inference.observations import Measured, measured
+from trackprofile.inference.orientation import facing
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.models.receptance import point_track

@@ -19,7 +19,7 @@ from trackprofile.bands import D2
 from trackprofile.contracts import Quality, Rail, RailLevel
 from trackprofile.errors import DataError
 from trackprofile.inference.blocks import Piece
-from trackprofile.inference.measured import Measured
+from trackprofile.inference.observations import Measured
 from trackprofile.models.roll import (
     Half,
     Pair,

@@ -8,9 +8,9 @@ import xarray as xr
 
 from trackprofile.contracts.recording import LAST, leading_end
 from trackprofile.errors import DataError
-from trackprofile.inference.measured import Measured
-from trackprofile.inference.rails import ByRail, by_rail
-from trackprofile.inference.wiring import rewired, turned_sensors
+from trackprofile.inference.channel_assignment import rewired, turned_sensors
+from trackprofile.inference.observations import Measured
+from trackprofile.inference.rail_decomposition import ByRail, by_rail
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import PointTrack
 from trackprofile.models.vehicle import Vehicle, turned_round
@@ -24,7 +24,7 @@ def facing(
     Raises
     ------
     DataError
-        See :func:`trackprofile.inference.wiring.rewired` and `trackprofile.inference.rails.by_rail`.
+        See :func:`trackprofile.inference.channel_assignment.rewired` and `trackprofile.inference.rail_decomposition.by_rail`.
     """
 
     def ahead(turned: bool) -> Vehicle:

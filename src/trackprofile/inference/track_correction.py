@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from trackprofile.errors import ModelError
-from trackprofile.inference.measured import Measured, Model, moved
+from trackprofile.inference.observations import Measured, Model, moved
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.track import LayeredTrack, Track

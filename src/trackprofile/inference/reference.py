@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 
 from trackprofile.bands import D1, band_pass, resample
 from trackprofile.errors import DataError
-from trackprofile.inference.measured import KNOT_SPACING, USUAL, Measured
+from trackprofile.inference.observations import KNOT_SPACING, USUAL, Measured
 from trackprofile.kalman import simulation_kernels as forward_kernels
 from trackprofile.kalman.smoother import Start
 from trackprofile.kalman.time_steps import Ride

@@ -15,8 +15,8 @@ from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.contracts.rows import steps_of
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, FileError, RowError
-from trackprofile.inference.estimate import estimate
-from trackprofile.inference.places import deviation_at, of_true_distance
+from trackprofile.inference.infer import estimate
+from trackprofile.inference.position_uncertainty import deviation_at, of_true_distance
 from trackprofile.io import read, write
 from trackprofile.io.inspection import inspect, write_toml
 from trackprofile.io.limits_toml import read_limits

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.measured import Measured
+from trackprofile.inference.observations import Measured
 from trackprofile.models.roll import RollingVehicle
 from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.models.statespace import state_space, transfer_function

@@ -12,7 +12,7 @@ from trackprofile.comparison import compare
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError
-from trackprofile.inference.estimate import estimate, infer
+from trackprofile.inference.infer import estimate, infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.sensor import Installation
 from trackprofile.preprocessing.motion import motion

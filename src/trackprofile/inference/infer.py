@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from trackprofile.bands import FILTER_NAME
 from trackprofile.contracts import build_profile, with_provenance, with_rails
 from trackprofile.inference.blocks import Block, Piece, Task, cut, joined, solved, usual_draws
-from trackprofile.inference.doubted import told
-from trackprofile.inference.facing import facing
-from trackprofile.inference.likelihood import Progress
-from trackprofile.inference.measured import (
+from trackprofile.inference.channel_assignment import rewired
+from trackprofile.inference.hyperparameters import find_noise
+from trackprofile.inference.maximum_likelihood import Progress
+from trackprofile.inference.observations import (
     KNOT_SPACING,
     Measured,
     Model,
@@ -25,11 +25,11 @@ from trackprofile.inference.measured import (
     measured,
     moved,
 )
-from trackprofile.inference.noise import find_noise
-from trackprofile.inference.places import deviation_at, of_true_distance
-from trackprofile.inference.rails import ByRail, levels_of, of_difference
+from trackprofile.inference.orientation import facing
+from trackprofile.inference.outliers import told
+from trackprofile.inference.position_uncertainty import deviation_at, of_true_distance
+from trackprofile.inference.rail_decomposition import ByRail, levels_of, of_difference
 from trackprofile.inference.sensitivity import with_gains
-from trackprofile.inference.wiring import rewired
 from trackprofile.models.receptance import point_track
 from trackprofile.models.roll import rolling_for, rolling_track
 from trackprofile.models.sensor import Installation

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import runs
-from trackprofile.inference.measured import Measured, Model
+from trackprofile.inference.observations import Measured, Model
 from trackprofile.kalman.robust import LOUDER, Weights
 from trackprofile.kalman.time_steps import Ride
 from trackprofile.preprocessing.faults import Fault, FaultKind

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.calibration.datasets import Pass
-from trackprofile.inference.evidence import innovations_of
-from trackprofile.inference.likelihood import Progress, maximise
-from trackprofile.inference.measured import (
+from trackprofile.inference.marginal_likelihood import innovations_of
+from trackprofile.inference.maximum_likelihood import Progress, maximise
+from trackprofile.inference.observations import (
     USUAL,
     Measured,
     Model,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.calibration.datasets import Pass
-from trackprofile.inference.measured import (
+from trackprofile.inference.observations import (
     USUAL,
     Measured,
     Model,

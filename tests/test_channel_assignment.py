@@ -13,8 +13,8 @@ import xarray as xr
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
-from trackprofile.inference.measured import Measured, measured
-from trackprofile.inference.wiring import rewired
+from trackprofile.inference.channel_assignment import rewired
+from trackprofile.inference.observations import Measured, measured
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor

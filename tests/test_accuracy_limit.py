@@ -9,7 +9,7 @@ import pytest
 
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import ModelError
-from trackprofile.inference.bound import limit
+from trackprofile.inference.accuracy_limit import limit
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.statespace import state_space, transfer_function
 
