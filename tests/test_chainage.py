@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.way_table import read_way
+from trackprofile.io.chainage_table import read_way
 from trackprofile.positioning.chainage import Way
 
 

@@ -17,7 +17,8 @@ from scipy.io import savemat
 
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.errors import DataError, FileError
-from trackprofile.io import apart, read, write
+from trackprofile.io import read, write
+from trackprofile.io import subprocess_reader as apart
 from trackprofile.io.csv_dialect import find_dialect
 from trackprofile.io.table import LOGGER_SUFFIXES, headings, read_columns, write_columns
 

@@ -11,8 +11,8 @@ from trackprofile.cli import main
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.errors import FileError
 from trackprofile.io import read, write
-from trackprofile.io.guess import Role, guess
-from trackprofile.io.heading import Heading
+from trackprofile.io.column_guess import Role, guess
+from trackprofile.io.column_info import Heading
 from trackprofile.io.inspection import inspect, write_toml
 from trackprofile.preprocessing.faults import FaultKind
 

@@ -208,7 +208,7 @@ def changes(
 
 def way_of(path: Path | None) -> Way:
     """Kilometre posts and coordinates from a file; without one, the distance itself."""
-    from trackprofile.io.way_table import read_way
+    from trackprofile.io.chainage_table import read_way
     from trackprofile.positioning.chainage import Way
 
     return Way() if path is None else read_way(path)

@@ -80,8 +80,8 @@ def infer(
     """
     from trackprofile.contracts import between
     from trackprofile.inference.infer import estimate
-    from trackprofile.io.carrier import carrier
     from trackprofile.io.model_toml import read_spectrum, read_track
+    from trackprofile.io.vehicle_of_recording import carrier
     from trackprofile.methods.cross_entropy import search as searches
     from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
     from trackprofile.methods.cross_entropy.search_toml import read_search

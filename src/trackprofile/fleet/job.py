@@ -200,9 +200,9 @@ def recording_of(row: Row) -> xr.Dataset:
 
 def means_of(row: Row, recording: xr.Dataset) -> Means:
     """All that a row's profile depends on but for its recording, read."""
-    from trackprofile.io.carrier import carrier
     from trackprofile.io.limits_toml import read_limits
     from trackprofile.io.model_toml import read_spectrum, read_track
+    from trackprofile.io.vehicle_of_recording import carrier
 
     return Means(
         *carrier(recording, row.file, row.vehicle),

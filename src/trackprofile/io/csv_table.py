@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 
 from trackprofile.errors import DataError, RowError
+from trackprofile.io.column_info import Column, Heading
 from trackprofile.io.csv_dialect import MISSING, Dialect, find_dialect, is_number, no_table
-from trackprofile.io.heading import Column, Heading
 from trackprofile.io.timestamps import form_of
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")

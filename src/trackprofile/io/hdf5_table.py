@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 
 from trackprofile.errors import FileError
-from trackprofile.io.apart import columns_apart, headings_apart
-from trackprofile.io.heading import Column, Heading, as_numbers, check_size
+from trackprofile.io.column_info import Column, Heading, as_numbers, check_size
+from trackprofile.io.subprocess_reader import columns_apart, headings_apart
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".nc")
 

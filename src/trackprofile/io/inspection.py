@@ -15,8 +15,8 @@ from trackprofile.contracts.rows import steps_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files
-from trackprofile.io.guess import SENSORS, STEADY, Guess, Role, guess
-from trackprofile.io.heading import Heading
+from trackprofile.io.column_guess import SENSORS, STEADY, Guess, Role, guess
+from trackprofile.io.column_info import Heading
 from trackprofile.io.recording_columns import recording_of
 from trackprofile.io.recording_document import Document
 from trackprofile.io.table import headings, read_columns

@@ -16,8 +16,8 @@ from scipy.io.matlab import MatReadError
 
 from trackprofile.errors import DataError, FileError
 from trackprofile.io import hdf5_table
-from trackprofile.io.apart import columns_apart, headings_apart
-from trackprofile.io.heading import Column, Heading, as_numbers, check_size
+from trackprofile.io.column_info import Column, Heading, as_numbers, check_size
+from trackprofile.io.subprocess_reader import columns_apart, headings_apart
 
 SUFFIXES = (".mat",)
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.apart import columns_apart, headings_apart
-from trackprofile.io.heading import Column, Heading, as_numbers, check_size, unique
+from trackprofile.io.column_info import Column, Heading, as_numbers, check_size, unique
+from trackprofile.io.subprocess_reader import columns_apart, headings_apart
 
 SUFFIXES = (".mf4", ".mdf", ".dl3")
 

@@ -10,9 +10,9 @@ import xarray as xr
 
 from trackprofile.contracts import validated
 from trackprofile.errors import FileError
-from trackprofile.io.apart import columns_apart
 from trackprofile.io.atomic import whole_files
-from trackprofile.io.heading import Column
+from trackprofile.io.column_info import Column
+from trackprofile.io.subprocess_reader import columns_apart
 from trackprofile.io.table import located
 
 NAME = "a recording or profile in NetCDF"

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as parquet
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.heading import Column, Heading, check_size
+from trackprofile.io.column_info import Column, Heading, check_size
 
 SUFFIXES = (".parquet",)
 

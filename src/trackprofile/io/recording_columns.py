@@ -15,7 +15,13 @@ from trackprofile.contracts import QUANTITIES, Channel, build_recording
 from trackprofile.errors import DataError
 from trackprofile.io import table
 from trackprofile.io.recording_document import Document, Quantity, Sensor
-from trackprofile.io.recording_places import GOOD, has_places, place_columns, place_factor, sources
+from trackprofile.io.recording_position import (
+    GOOD,
+    has_places,
+    place_columns,
+    place_factor,
+    sources,
+)
 from trackprofile.io.timestamps import FORMS, seconds
 from trackprofile.positioning.sources import PLACED, Sources
 from trackprofile.preprocessing.clock import MENDED, mend

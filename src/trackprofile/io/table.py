@@ -31,7 +31,7 @@ from trackprofile.io import (
     parquet_table,
     tdms_table,
 )
-from trackprofile.io.heading import Column, Heading
+from trackprofile.io.column_info import Column, Heading
 
 _ARROW = (csv_table, parquet_table)
 _ROWS = (hdf5_table, matlab_table, mdf_table, tdms_table)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.heading import Column, Heading, as_numbers, check_size, unique
+from trackprofile.io.column_info import Column, Heading, as_numbers, check_size, unique
 
 SUFFIXES = (".tdms",)
 

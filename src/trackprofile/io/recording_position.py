@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
 from trackprofile.io import table
+from trackprofile.io.chainage_table import read_way
 from trackprofile.io.recording_document import Head, Odometer, Quantity
 from trackprofile.io.recording_document import Posts as PostKeys
 from trackprofile.io.timestamps import FORMS, seconds
-from trackprofile.io.way_table import read_way
 from trackprofile.positioning.sources import (
     NOMINAL,
     Fixes,

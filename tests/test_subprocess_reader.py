@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io import apart
-from trackprofile.io.heading import Heading
+from trackprofile.io import subprocess_reader as apart
+from trackprofile.io.column_info import Heading
 
 BEHAVIOUR = """
 import os, time
 import numpy as np
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.heading import Heading
+from trackprofile.io.column_info import Heading
 
 def headings_here(path):
     return [Heading("a", "m", 3, "t")]

@@ -2,7 +2,7 @@
 
 The libraries behind HDF5, MATLAB's files and MDF run on damaged files into endless loops, out of their memory and over
 the memory of others. What the process apart has read to the end within its limits comes back as plain numbers, as
-`trackprofile.io.heading.Column`. It is started once, and ends with this one.
+`trackprofile.io.column_info.Column`. It is started once, and ends with this one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError, TrackprofileError
-from trackprofile.io.heading import Column, Heading
+from trackprofile.io.column_info import Column, Heading
 
 PATIENCE = 15.0
 """s that a small file may take."""
@@ -144,7 +144,7 @@ def _worker() -> subprocess.Popen[bytes]:
     _workers.clear()
     _workers.append(
         subprocess.Popen(
-            [sys.executable, "-c", "from trackprofile.io.apart import serve; serve()"],
+            [sys.executable, "-c", "from trackprofile.io.subprocess_reader import serve; serve()"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

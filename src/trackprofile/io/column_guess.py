@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import UnitError
-from trackprofile.io.heading import Heading
+from trackprofile.io.column_info import Heading
 from trackprofile.units import FACTORS, unit_factor
 
 Array = NDArray[np.float64]
