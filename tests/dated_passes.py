@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.bands import BANDS
 from trackprofile.contracts import Quality, build_profile
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.models.irregularity import random
 from trackprofile.store import Entry, Origin, Place, Store, add

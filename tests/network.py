@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.bands import BANDS, gain
 from trackprofile.contracts import Quality, build_profile, fingerprint
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import presets, read_roughness
 from trackprofile.store import Added, Origin, Place, Store
 

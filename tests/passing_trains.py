@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from trackprofile.assessment.changes import Pass
+from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, band_pass, edge_distance, gain
 from trackprofile.contracts import build_profile, known_elevation
 from trackprofile.fusion.fuse import Fused

@@ -12,14 +12,14 @@ from trackprofile.assessment.assess import assess
 from trackprofile.assessment.errors_in_band import Colour, colour_of
 from trackprofile.assessment.exceedance import exceedance_probability
 from trackprofile.assessment.levels import Reason, band_levels
+from trackprofile.assessment.limits import Action, DefectLimits, Limits, QualityClasses
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.assessment.roughness import psd
 from trackprofile.assessment.sections import assess_sections
 from trackprofile.bands import BANDS, D1, D2, band_pass, edge_distance, gain
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import DataError
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import presets, read_roughness, read_spectrum
-from trackprofile.limits import Action, DefectLimits, Limits, QualityClasses
 from trackprofile.models.spectrum import Spectrum
 
 SPACING = 0.25

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from trackprofile.assessment.compare import compare
 from trackprofile.calibration.calibrate import calibrate
-from trackprofile.comparison import compare
 from trackprofile.contracts import between, build_profile
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError, UndeterminedError

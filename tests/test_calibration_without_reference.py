@@ -11,8 +11,8 @@ import pytest
 import xarray as xr
 
 from full_track_recording import STEADY, VELARO, recorded
+from trackprofile.assessment.compare import compare
 from trackprofile.calibration.calibrate import Calibration, calibrate
-from trackprofile.comparison import compare
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track

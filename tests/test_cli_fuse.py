@@ -13,7 +13,7 @@ import xarray as xr
 from conftest import Run
 from passing_trains import FIRST, Line, Train, fleet, passing
 from trackprofile import read, write
-from trackprofile.assessment.changes import Pass
+from trackprofile.assessment.trend import Pass
 from trackprofile.bands import resample
 from trackprofile.contracts import build_profile
 from trackprofile.fusion.fuse import fuse

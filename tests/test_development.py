@@ -8,13 +8,13 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
-from test_changes import AT, COUNT, FIRST, SPACING, passing
-from trackprofile.assessment.changes import Pass
+from test_trend import AT, COUNT, FIRST, SPACING, passing
 from trackprofile.assessment.development import development
+from trackprofile.assessment.limits import Action
+from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, D1, D3, band_pass
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import DataError
-from trackprofile.limits import Action
 from trackprofile.models.irregularity import Dip
 
 PLACE = int(1000.0 / SPACING)

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from fleet_recordings import Ride, ride, write_recording
+from trackprofile.assessment.limits_toml import limit_presets
 from trackprofile.cli import main
 from trackprofile.errors import DataError, FileError
 from trackprofile.fleet.claims import check_claims
@@ -21,7 +22,6 @@ from trackprofile.fleet.manifest import read_manifest
 from trackprofile.fleet.night import Night
 from trackprofile.fleet.page import html
 from trackprofile.fleet.tables import recordings, sentences
-from trackprofile.io.limits_toml import limit_presets
 from trackprofile.io.model_toml import presets
 from trackprofile.store import create, find, open_store, read_profile
 

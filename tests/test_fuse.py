@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 from passing_trains import FIRST, VEHICLES, Line, Train, errors, fleet, passing
-from trackprofile.assessment.changes import Pass
+from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, D1, band_pass
 from trackprofile.contracts import Quality, build_profile, known_elevation, validate_profile
 from trackprofile.errors import DataError

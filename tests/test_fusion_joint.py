@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 from passing_trains import FIRST, Line, fleet, passing
-from trackprofile.assessment.changes import Pass
+from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, D2, D3, Band, band_pass, edge_distance
 from trackprofile.contracts import build_profile
 from trackprofile.fusion.combine import combine, without_each

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from passing_trains import SPACING, Line, Train, fleet, passing
-from trackprofile.assessment.changes import Pass
+from trackprofile.assessment.trend import Pass
 from trackprofile.contracts import build_profile
 from trackprofile.errors import DataError
 from trackprofile.fusion.places import FARTHEST, FINE, Placed, placed, realigned

@@ -14,12 +14,12 @@ import pytest
 import xarray as xr
 
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.compare import Comparison, compare
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.calibration.calibrate import Calibration, calibrate
-from trackprofile.comparison import Comparison, compare
 from trackprofile.contracts import between, build_profile
 from trackprofile.inference.infer import infer
 from trackprofile.io import read
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.positioning.chainage import Way

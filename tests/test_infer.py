@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trackprofile.comparison import compare
+from trackprofile.assessment.compare import compare
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from trackprofile.assessment.limits import Action, Limits, SpeedBand, unverified
+from trackprofile.assessment.limits_toml import limit_presets, read_limits
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.limits_toml import limit_presets, read_limits
-from trackprofile.limits import Action, Limits, SpeedBand, unverified
 
 KM_H = 1 / 3.6
 

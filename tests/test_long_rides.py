@@ -16,9 +16,9 @@ import pytest
 import xarray as xr
 from numpy.fft import irfft, rfftfreq
 
+from trackprofile.assessment.compare import compare
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.cli import main
-from trackprofile.comparison import compare
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.assessment.tables import defect_table
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.contracts.rows import steps_of
@@ -19,7 +20,6 @@ from trackprofile.inference.infer import estimate
 from trackprofile.inference.position_uncertainty import deviation_at, of_true_distance
 from trackprofile.io import read, write
 from trackprofile.io.inspection import inspect, write_toml
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import write_columns
 from trackprofile.models.receptance import point_track

@@ -13,8 +13,8 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trackprofile.assessment.compare import compare
 from trackprofile.cli import main
-from trackprofile.comparison import compare
 from trackprofile.contracts import (
     APART,
     Channel,

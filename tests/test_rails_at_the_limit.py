@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from test_at_the_limit import spectral_rms
+from trackprofile.assessment.compare import compare
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.comparison import compare
 from trackprofile.contracts import (
     Rail,
     RailLevel,

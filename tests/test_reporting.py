@@ -14,14 +14,14 @@ import pytest
 
 from conftest import Run
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.limits import Action
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.assessment.tables import geojson, tables
 from trackprofile.bands import BANDS, D1, D2
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import FileError
 from trackprofile.io import write
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_spectrum
-from trackprofile.limits import Action
 from trackprofile.models.irregularity import random
 from trackprofile.positioning.chainage import Way
 from trackprofile.reporting import report

@@ -30,8 +30,8 @@ from dated_passes import (
     seen,
 )
 from serving import serving
+from trackprofile.assessment.limits import Action
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.limits import Action
 from trackprofile.server import catalogue, places, questions
 from trackprofile.store import Store, create, find, lines, read_columns, table
 from trackprofile.store.layout import Place

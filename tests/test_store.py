@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from network import SPEED, Network, fill
 from trackprofile import store as stores
 from trackprofile.assessment.assess import Assessment, assess
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.bands import BANDS, band_pass_pieces
 from trackprofile.contracts import (
     Quality,
@@ -32,7 +33,6 @@ from trackprofile.contracts import (
     with_rails,
 )
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.positioning.chainage import Way
 from trackprofile.store import Entry, Origin, Place, Store
 from trackprofile.store.columns import profile_columns

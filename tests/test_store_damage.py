@@ -20,9 +20,9 @@ import pytest
 from network import SPEED, Network, fill
 from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.contracts import fingerprint
 from trackprofile.errors import FileError
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.store import Origin, Place, Problem, Store
 from trackprofile.store.entry import document
 from trackprofile.store.files import LocalFiles

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from network import Network
 from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.contracts import Quality, build_profile, fingerprint
 from trackprofile.errors import DataError
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.store import Entry, Origin, Place, Store
 from trackprofile.store.strips import BIN, STEP, bin_size
 

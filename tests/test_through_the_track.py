@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from full_track_recording import VELARO, recorded
-from trackprofile.comparison import compare
+from trackprofile.assessment.compare import compare
 from trackprofile.errors import ModelError
 from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from trackprofile.assessment.assess import assess as assess
-    from trackprofile.assessment.changes import changes as changes
+    from trackprofile.assessment.compare import compare as compare
+    from trackprofile.assessment.trend import changes as changes
     from trackprofile.calibration.calibrate import calibrate as calibrate
-    from trackprofile.comparison import compare as compare
     from trackprofile.inference.accuracy_limit import limit as limit
     from trackprofile.inference.infer import infer as infer
     from trackprofile.io import read as read
@@ -42,8 +42,8 @@ _HOMES = {
     "Vehicle": "models.vehicle",
     "assess": "assessment.assess",
     "calibrate": "calibration.calibrate",
-    "changes": "assessment.changes",
-    "compare": "comparison",
+    "changes": "assessment.trend",
+    "compare": "assessment.compare",
     "infer": "inference.infer",
     "limit": "inference.accuracy_limit",
     "read": "io",

@@ -16,9 +16,9 @@ import numpy as np
 import xarray as xr
 
 from trackprofile.assessment.assess import assess
+from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.contracts import build_profile
 from trackprofile.inference.observations import KNOT_SPACING
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import (
     presets,
     read_roughness,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lsim
 
-from trackprofile.comparison import Comparison, compare
+from trackprofile.assessment.compare import Comparison, compare
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import FileError
 from trackprofile.inference.infer import Estimate, estimate

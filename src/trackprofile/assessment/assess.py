@@ -10,13 +10,13 @@ import xarray as xr
 
 from trackprofile.assessment.defects import Defect, find_defects
 from trackprofile.assessment.levels import BandLevel, NotAssessed, band_levels, not_assessed
+from trackprofile.assessment.limits import KM_H, Limits, unverified
 from trackprofile.assessment.roughness import Nearest, Psd, common_range, nearest, psd
 from trackprofile.assessment.sections import Section, assess_sections
 from trackprofile.bands import BANDS, FILTER_NAMES, Band, resample
 from trackprofile.contracts import Quality
 from trackprofile.contracts.rows import DEVIATION
 from trackprofile.errors import DataError
-from trackprofile.limits import KM_H, Limits, unverified
 from trackprofile.models.spectrum import Roughness
 
 SECTION_LENGTHS = (200.0, 100.0)
@@ -98,7 +98,7 @@ def assess(
     Examples
     --------
     >>> from trackprofile.contracts import build_profile
-    >>> from trackprofile.limits import Action, DefectLimits
+    >>> from trackprofile.assessment.limits import Action, DefectLimits
     >>> distance = np.arange(0.0, 400.0, 0.25)
     >>> dip = -0.04 * np.exp(-0.5 * ((distance - 200) / 2) ** 2)
     >>> rule = DefectLimits("D1", 0.0, 50.0, "ours", True, {Action.ALERT: 0.01, Action.INTERVENTION: 0.02})

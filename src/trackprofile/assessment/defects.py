@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from trackprofile.assessment.exceedance import exceedance_probability
 from trackprofile.assessment.levels import BandLevel
+from trackprofile.assessment.limits import Action, DefectLimits
 from trackprofile.bands import runs
-from trackprofile.limits import Action, DefectLimits
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from trackprofile.assessment.alignment import LARGEST, Alignment, align, on_common_grid
-from trackprofile.assessment.changes import Pass, Reached, limits_reached
 from trackprofile.assessment.levels import Reason, band_levels
-from trackprofile.assessment.trend import Rate, Stack, rate_at, stack
+from trackprofile.assessment.limits import Action
+from trackprofile.assessment.trend import Pass, Reached, limits_reached
+from trackprofile.assessment.trend_fit import Rate, Stack, rate_at, stack
 from trackprofile.bands import Band, edge_distance
 from trackprofile.errors import DataError
-from trackprofile.limits import Action
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from scipy.linalg import toeplitz
 from scipy.stats import gamma
 
 from trackprofile.assessment.levels import BandLevel
-from trackprofile.limits import QualityClasses
+from trackprofile.assessment.limits import QualityClasses
 
 Array = NDArray[np.float64]
 

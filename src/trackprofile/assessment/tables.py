@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from trackprofile.assessment.assess import Assessment
-from trackprofile.assessment.changes import Changes
 from trackprofile.assessment.defects import Defect
+from trackprofile.assessment.limits import Action
 from trackprofile.assessment.sections import Section
+from trackprofile.assessment.trend import Changes
 from trackprofile.contracts import Rail
-from trackprofile.limits import Action
 from trackprofile.positioning.chainage import Way
 
 Table = dict[str, list[Any]]
@@ -28,7 +28,7 @@ def tables(found: Assessment, way: Way) -> dict[str, Table]:
     --------
     >>> from trackprofile.assessment.assess import assess
     >>> from trackprofile.contracts import build_profile
-    >>> from trackprofile.limits import DefectLimits, Limits
+    >>> from trackprofile.assessment.limits import DefectLimits, Limits
     >>> distance = np.arange(0.0, 400.0, 0.25)
     >>> dip = -0.04 * np.exp(-0.5 * ((distance - 200) / 2) ** 2)
     >>> rule = DefectLimits("D1", 0.0, 50.0, "ours", True, {Action.ALERT: 0.01})

@@ -1,184 +1,327 @@
-"""The level of all passes on one grid, and its change with time at each place.
+"""What changed between passes over the same place: where, how fast, and when a limit is reached.
 
-At each place the level of a band, l(t) = a + b t, is fitted to the passes by weighted least squares;
-the change over the time between first and last is b T, or last less first where all are of one day.
-A place changed if |change|/deviation goes beyond what its greatest value over the whole stretch
-reaches by chance in one of twenty cases (Rice 1945: over a length L the error of wavenumber κ
-crosses ±u about L κ/π exp(-u²/2) times).
+Passes are aligned with the earliest (`alignment`), a line in time is laid through the level at every
+place (`trend`), and what changed more than chance allows is a place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, timedelta
+from itertools import combinations, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
-from trackprofile.assessment.alignment import Alignment
-from trackprofile.assessment.levels import BandLevel
-from trackprofile.bands import Band
+from trackprofile.assessment.alignment import LARGEST, Alignment, align, on_common_grid
+from trackprofile.assessment.levels import band_levels
+from trackprofile.assessment.limits import (
+    Accuracy,
+    Action,
+    Limits,
+    unverified,
+    unverified_accuracies,
+)
+from trackprofile.assessment.trend_fit import BandChange, Rate, Stack, rate_at, stack, trend
+from trackprofile.bands import BANDS, Band
+from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BY_CHANCE = 0.05
-"""That unchanged track is said to have changed somewhere."""
+HORIZON = 3650
+"""Days over which a limit's date is sought."""
 
-INDEPENDENT = 10
-"""Longest waves of a band that the passes have to share before their own scatter is believed."""
-
-_EXACT = 1e-9  # of passes that are copies of each other
-_MAD = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
+_QUANTILES = (0.975, 0.5, 0.025)
 
 
 @dataclass(frozen=True)
-class BandChange:
-    """The change in one band along the line.
+class Pass:
+    """A profile, the day it was recorded and what it is called."""
 
-    Parameters
-    ----------
-    band : the band
-    distance : of the first pass (n) [m]
-    change : over the time between first and last pass (n) [m]
-    deviation : standard deviation of its error (n) [m]
-    usable : where every pass may be judged (n)
-    scatter : of the passes' differences, in units of what they state; None where one states nothing
-    threshold : of |change|/deviation, beyond which a place counts as changed
-    """
-
-    band: Band
-    distance: Array
-    change: Array
-    deviation: Array
-    usable: Mask
-    scatter: float | None
-    threshold: float
+    profile: xr.Dataset
+    day: date
+    name: str
 
 
 @dataclass(frozen=True)
-class Stack:
-    """All passes in one band on the first one's grid.
+class Reached:
+    """When a limit is reached if the change goes on; None is not within `HORIZON`.
 
     Parameters
     ----------
-    level : (passes, n) [m]
-    deviation : of its error, with what the alignment leaves unsure (passes, n) [m]
-    usable : where all may be judged (n)
-    wavenumber : of the error [rad/m]
-    scatter : of the passes' differences in units of what they state; None where one states nothing
+    limit : [m]
+    earliest, median, latest : by then with a probability of 2.5, 50 and 97.5 %
     """
 
-    band: Band
-    distance: Array
-    level: Array
-    deviation: Array
-    usable: Mask
-    wavenumber: float
-    scatter: float | None
+    action: Action
+    limit: float
+    earliest: date | None
+    median: date | None
+    latest: date | None
 
 
-def stack(band: Band, levels: Sequence[BandLevel], alignments: Sequence[Alignment]) -> Stack:
-    """Put passes, the first one's first and all on one grid, together; a lag unsure by σ costs σ times the slope.
-
-    Most track is as it was: the median of the differences tells how the passes scatter, whatever they state.
-    """
-    grid = levels[0].distance
-    level = np.stack([one.level for one in levels])
-    spread = np.stack([one.deviation for one in levels])
-    usable = np.logical_and.reduce([one.assessed for one in levels])
-    stated = all(one.stated for one in levels) and bool((spread[:, usable] > 0).all())
-    if not stated:
-        spread = np.ones(level.shape)
-    scatter = _scatter(level[:, usable], spread[:, usable])
-    long_enough = levels[0].spacing * np.count_nonzero(usable) > INDEPENDENT * band.longest
-    if stated and not long_enough:
-        scatter = 1.0
-    slope = np.abs(np.nan_to_num(np.gradient(level[0], levels[0].spacing)))
-    unsure = np.stack([np.zeros(grid.size), *(slope * one.at(grid)[1] for one in alignments)])
-    return Stack(
-        band, grid, level, np.hypot(scatter * spread, unsure), usable, levels[0].colour.wavenumber,
-        scatter if stated else None,
-    )  # fmt: skip
-
-
-def _scatter(level: Array, spread: Array) -> float:
-    """Robust standard deviation of (l_k - l_1)/√(s_k² + s_1²) over all later passes k."""
-    if not level[1:].size:
-        return 1.0
-    units = (level[1:] - level[0]) / np.hypot(spread[1:], spread[0])
-    return max(float(_MAD * np.median(np.abs(units))), _EXACT)
-
-
-def _line(passes: Stack, days: Array) -> tuple[Array, Array]:
-    """Level at the last pass and per day (2, n), and what each pass adds to them (2, passes)."""
-    weight = 1 / np.median(passes.deviation, axis=1) ** 2
-    design = np.stack([np.ones(days.size), days - days[-1]], axis=1)
-    normal = design.T @ (weight[:, None] * design)
-    gains = np.linalg.solve(normal, design.T * weight)
-    return np.asarray(gains @ passes.level, np.float64), np.asarray(gains, np.float64)
-
-
-def trend(passes: Stack, days: Array) -> BandChange:
-    """The change over the time between the first and the last pass.
+@dataclass(frozen=True)
+class ChangedPlace:
+    """One place that changed.
 
     Parameters
     ----------
-    days : of the passes, since the first (passes)
+    band : by name
+    start, peak, end : where the change begins, is greatest, ends [m]
+    change, deviation : at the peak; settlement is negative [m]
+    level : there, at the last pass [m]
+    per_day, per_day_deviation : rate [m/day]; None where all passes are of one day
+    reached : per limit that lies ahead
     """
-    span = days[-1] - days[0]
-    if span > 0:
-        coefficients, gains = _line(passes, days)
-        change = span * coefficients[1]
-        deviation = span * np.sqrt(np.square(gains[1]) @ np.square(passes.deviation))
-    else:
-        change = passes.level[-1] - passes.level[0]
-        deviation = np.hypot(passes.deviation[-1], passes.deviation[0])
-    spacing = float(passes.distance[1] - passes.distance[0])
-    length = spacing * np.count_nonzero(passes.usable)
-    threshold = _threshold(length, passes.wavenumber)
-    return BandChange(
-        passes.band, passes.distance, change, deviation, passes.usable, passes.scatter, threshold
+
+    band: str
+    start: float
+    peak: float
+    end: float
+    change: float
+    deviation: float
+    level: float
+    per_day: float | None
+    per_day_deviation: float | None
+    reached: tuple[Reached, ...]
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """What 95 % of the differences between passes stay below, in the form of EN 13848-2.
+
+    Parameters
+    ----------
+    band : by name
+    same_vehicle : repeatability if so, else reproducibility
+    difference : [m]
+    required : by the limits, if they state it
+    pairs : of passes behind it
+    """
+
+    band: str
+    same_vehicle: bool
+    difference: float
+    required: Accuracy | None
+    pairs: int
+
+    @property
+    def limit(self) -> float | None:
+        """What the difference is to stay below [m]."""
+        if self.required is None:
+            return None
+        return self.required.repeatability if self.same_vehicle else self.required.reproducibility
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Passes over one place, compared.
+
+    Parameters
+    ----------
+    passes : by name and day, the first is what the others are aligned with
+    alignments : of all but the first
+    bands : the change in each
+    places : that changed, by band and distance
+    repeatabilities : per band; of use where little has changed
+    notes : in sentences
+    """
+
+    passes: tuple[tuple[str, date], ...]
+    alignments: Mapping[str, Alignment]
+    bands: Mapping[str, BandChange]
+    places: tuple[ChangedPlace, ...]
+    repeatabilities: tuple[Repeatability, ...]
+    notes: tuple[str, ...]
+
+
+def changes(
+    passes: Sequence[Pass],
+    limits: Limits | None = None,
+    speed: float | None = None,
+    *,
+    bands: Sequence[Band] = BANDS,
+    largest: float = LARGEST,
+) -> Changes:
+    """Compare passes over the same place; the earliest is what the others are aligned with.
+
+    Parameters
+    ----------
+    passes : two or more
+    limits, speed : that a limit's date is stated for; the line's speed [m/s]
+    bands : to compare
+    largest : lag between two passes that is searched for [m]
+
+    Raises
+    ------
+    DataError : there is one pass only, two have one name, or two do not overlap.
+
+    Examples
+    --------
+    >>> from trackprofile.contracts import build_profile
+    >>> at = np.arange(0.0, 1000.0, 0.25)
+    >>> rough = np.cumsum(np.random.default_rng(1).standard_normal(at.size)) * 2e-4
+    >>> def seen(day, dip):
+    ...     level = rough - dip * np.exp(-0.5 * ((at - 600) / 3) ** 2)
+    ...     error = np.random.default_rng(day + 5).standard_normal(at.size) * 1e-5
+    ...     return Pass(build_profile(at, level + error, kind="point"), date(2026, 1, day), f"day {day}")
+    >>> found = changes([seen(1, 0.0), seen(31, 0.004)], bands=[BANDS[0]])
+    >>> [(round(one.peak), one.change < -1e-3) for one in found.places]
+    [(600, True)]
+    """
+    ordered = sorted(passes, key=lambda one: one.day)
+    _check(ordered)
+    first = ordered[0]
+    alignments = {one.name: align(one.profile, first.profile, one.name, largest) for one in ordered[1:]}  # fmt: skip
+    moved = [first.profile, *(alignments[one.name].moved(one.profile) for one in ordered[1:])]
+    levels, notes = [], []
+    for one, profile in zip(ordered, on_common_grid(moved), strict=True):
+        of_pass, said = band_levels(profile, bands)
+        levels.append(of_pass)
+        notes += [f"{one.name}: {sentence}" for sentence in said]
+    days = np.array([(one.day - first.day).days for one in ordered], np.float64)
+    found, places, repeated = {}, [], []
+    for band in bands:
+        if not all(band.name in of_pass for of_pass in levels):
+            continue
+        of_band = [of_pass[band.name] for of_pass in levels]
+        together = stack(band, of_band, tuple(alignments.values()))
+        change = trend(together, days)
+        found[band.name] = change
+        heights = limits.defects_at(band.name, speed) if limits and speed else None
+        places += _places(together, change, days, first.day, heights.heights if heights else {})
+        repeated += _repeatabilities(together, ordered, limits)
+    notes += _untold(found)
+    if limits:
+        notes += unverified_accuracies(limits, list(found))
+        if speed:
+            notes += unverified(limits, list(found), speed)
+    return Changes(
+        tuple((one.name, one.day) for one in ordered),
+        alignments,
+        found,
+        tuple(places),
+        tuple(repeated),
+        tuple(notes),
     )
 
 
-def _threshold(length: float, wavenumber: float) -> float:
-    """u with 2 Φ(-u) + L κ/π exp(-u²/2) = BY_CHANCE."""
-    tried = np.linspace(1.5, 8.0, 1301)
-    chance = 2 * ndtr(-tried) + length * wavenumber / np.pi * np.exp(-0.5 * tried**2)
-    return float(tried[np.argmax(chance <= BY_CHANCE)])
+def _check(passes: Sequence[Pass]) -> None:
+    if len(passes) < 2:
+        raise DataError(f"A change needs two passes or more, got {len(passes)}; add one.")
+    names = [one.name for one in passes]
+    for name in names:
+        if names.count(name) > 1:
+            raise DataError(f"Two passes are called {name!r}; give each its own name.")
 
 
-@dataclass(frozen=True)
-class Rate:
-    """A level's value at the last pass [m], how fast it changes [m/day], and the covariance of the two."""
-
-    level: float
-    per_day: float
-    covariance: Array
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation of the rate [m/day]."""
-        return float(np.sqrt(self.covariance[1, 1]))
-
-    @property
-    def certain(self) -> bool:
-        """Whether it is no chance, with 95 %."""
-        return abs(self.per_day) > 1.96 * self.deviation
-
-    def ahead(self, days: Array) -> tuple[Array, Array]:
-        """Level and its standard deviation some days after the last pass, or before it (n) [m]."""
-        covariance = self.covariance
-        variance = covariance[0, 0] + 2 * days * covariance[0, 1] + days**2 * covariance[1, 1]
-        return self.level + self.per_day * days, np.sqrt(np.maximum(variance, 0.0))
+def _untold(found: Mapping[str, BandChange]) -> list[str]:
+    return [
+        f"{name}: the passes scatter {change.scatter:.2g} times as much as they state, and were taken at that"
+        for name, change in found.items()
+        if change.scatter is not None and change.scatter > 1.5
+    ]
 
 
-def rate_at(passes: Stack, days: Array, place: int) -> Rate | None:
-    """At one place of the grid; None where all passes are of one day."""
-    if days[-1] == days[0]:
-        return None
-    coefficients, gains = _line(passes, days)
-    covariance = (gains * np.square(passes.deviation[:, place])) @ gains.T
-    return Rate(float(coefficients[0, place]), float(coefficients[1, place]), covariance)
+def _places(
+    together: Stack, change: BandChange, days: Array, first: date, heights: Mapping[Action, float]
+) -> list[ChangedPlace]:
+    beyond = change.usable & (
+        np.abs(np.nan_to_num(change.change)) > change.threshold * change.deviation
+    )
+    places, halves = [], _half_waves(change.change)
+    for group in _groups(beyond, halves):
+        top = group.start + int(np.argmax(np.abs(np.where(beyond, change.change, 0.0)[group])))
+        half = halves[int(_holding(halves, top))]
+        rate = rate_at(together, days, top)
+        last = float(together.level[-1, top])
+        places.append(
+            ChangedPlace(
+                band=together.band.name,
+                start=float(change.distance[half.start]),
+                peak=float(change.distance[top]),
+                end=float(change.distance[half.stop - 1]),
+                change=float(change.change[top]),
+                deviation=float(change.deviation[top]),
+                level=last,
+                per_day=rate.per_day if rate else None,
+                per_day_deviation=rate.deviation if rate else None,
+                reached=limits_reached(rate, heights, first + timedelta(days=float(days[-1])))
+                if rate
+                else (),
+            )
+        )
+    return places
+
+
+def _half_waves(change: Array) -> list[slice]:
+    """Stretches over which the change keeps its sign, in their order."""
+    turns = np.flatnonzero(np.diff(np.sign(np.nan_to_num(change)))) + 1
+    return [slice(a, b) for a, b in pairwise([0, *turns.tolist(), change.size])]
+
+
+def _holding(halves: Sequence[slice], places: ArrayLike) -> NDArray[np.intp]:
+    """Numbers of the half waves that hold some places."""
+    starts = [half.start for half in halves]
+    return np.searchsorted(starts, np.asarray(places), side="right") - 1
+
+
+def _groups(beyond: Mask, halves: Sequence[slice]) -> list[slice]:
+    """Neighbouring half waves that changed are one place: a dip has shoulders in any band."""
+    numbers = np.unique(_holding(halves, np.flatnonzero(beyond)))
+    pieces = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return [slice(halves[one[0]].start, halves[one[-1]].stop) for one in pieces if one.size]
+
+
+def limits_reached(rate: Rate, heights: Mapping[Action, float], last: date) -> tuple[Reached, ...]:
+    """When the level goes beyond each height that lies ahead, on the side to which it moves.
+
+    Parameters
+    ----------
+    rate : of the level
+    heights : of limits [m]
+    last : day of the last pass
+    """
+    side = np.sign(rate.per_day)
+    level, deviation = rate.ahead(np.arange(HORIZON + 1, dtype=np.float64))
+    found = []
+    for action, height in sorted(heights.items()):
+        chance = ndtr((side * level - height) / np.maximum(deviation, 1e-9))
+        by = [
+            last + timedelta(days=int(np.argmax(chance >= 1 - q))) if (chance >= 1 - q).any() else None
+            for q in _QUANTILES
+        ]  # fmt: skip
+        if side * level[0] < height:
+            found.append(Reached(action, height, *by))
+    return tuple(found)
+
+
+def _repeatabilities(
+    together: Stack, passes: Sequence[Pass], limits: Limits | None
+) -> list[Repeatability]:
+    required = limits.accuracy(together.band.name) if limits else None
+    found = []
+    for same in (True, False):
+        pairs = [
+            (i, k)
+            for i, k in combinations(range(len(passes)), 2)
+            if same == (_vehicle(passes[i]) == _vehicle(passes[k]))
+        ]
+        if pairs and together.usable.any():
+            differences = np.concatenate(
+                [np.abs(together.level[k] - together.level[i])[together.usable] for i, k in pairs]
+            )
+            found.append(
+                Repeatability(
+                    together.band.name, same, float(np.quantile(differences, 0.95)), required, len(pairs)
+                )
+            )  # fmt: skip
+    return found
+
+
+def _vehicle(one: Pass) -> str:
+    return str(one.profile.attrs.get("vehicle", ""))

@@ -77,7 +77,7 @@ def compare(
     as_json: Json = False,
 ) -> None:
     """Say how a profile agrees with a reference, per band of wavelengths."""
-    from trackprofile.comparison import compare as compared
+    from trackprofile.assessment.compare import compare as compared
 
     pair, said = _of_rail(read_as(profile, "profile"), read_as(reference, "profile"), rail)
     result = compared(*pair, from_m=from_m, to_m=to_m, passes=passes)

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trackprofile.assessment.assess import Assessment
-    from trackprofile.assessment.changes import Changes, Pass
+    from trackprofile.assessment.limits import Limits
+    from trackprofile.assessment.trend import Changes, Pass
     from trackprofile.contracts import Rail
-    from trackprofile.limits import Limits
     from trackprofile.positioning.chainage import Way
 
 TABLES = ("defects", "sections", "not_assessed", "spectra")
@@ -241,8 +241,8 @@ def judged(
 ) -> Assessment:
     """A profile assessed, as the options say."""
     from trackprofile.assessment.assess import assess as judge
+    from trackprofile.assessment.limits_toml import read_limits
     from trackprofile.contracts import Rail, of_rail
-    from trackprofile.io.limits_toml import read_limits
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.units import quantity
 
@@ -263,7 +263,7 @@ def _assessed(
 
 def dated(text: str, rail: JudgedRail | None = None) -> Pass:
     """A pass of PROFILE=DAY, named after the file."""
-    from trackprofile.assessment.changes import Pass
+    from trackprofile.assessment.trend import Pass
     from trackprofile.contracts import Rail, of_rail
 
     path, _, day = text.rpartition("=")
@@ -278,8 +278,8 @@ def dated(text: str, rail: JudgedRail | None = None) -> Pass:
 
 
 def _changed(passes: list[Pass], limits: str, speed: str | None) -> Changes:
-    from trackprofile.assessment.changes import changes as compared
-    from trackprofile.io.limits_toml import read_limits
+    from trackprofile.assessment.limits_toml import read_limits
+    from trackprofile.assessment.trend import changes as compared
     from trackprofile.units import quantity
 
     rules: Limits = read_limits(limits)

@@ -15,7 +15,7 @@ from trackprofile.cli.options import From, Json, To, day_of
 from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
-    from trackprofile.assessment.changes import Pass
+    from trackprofile.assessment.trend import Pass
     from trackprofile.fusion.fuse import Fused
 
 Profiles = Annotated[
@@ -71,7 +71,7 @@ def fuse(
 
 
 def _between(one: Pass, from_m: float | None, to_m: float | None) -> Pass:
-    from trackprofile.assessment.changes import Pass
+    from trackprofile.assessment.trend import Pass
     from trackprofile.contracts import between
 
     return Pass(between(one.profile, from_m, to_m), one.day, one.name)
@@ -86,7 +86,7 @@ def _stored(
     to_m: float | None,
 ) -> list[Pass]:
     """The passes of a line in a store; what was fused before is none."""
-    from trackprofile.assessment.changes import Pass
+    from trackprofile.assessment.trend import Pass
     from trackprofile.contracts.rates import FUSED
     from trackprofile.store import find, open_store, read_profile
 

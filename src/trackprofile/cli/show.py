@@ -13,7 +13,7 @@ import typer
 from trackprofile.errors import printable
 
 if TYPE_CHECKING:
-    from trackprofile.comparison import BandComparison, Comparison
+    from trackprofile.assessment.compare import BandComparison, Comparison
 
 say = typer.echo
 """Print a line of a result."""

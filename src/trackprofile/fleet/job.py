@@ -20,7 +20,7 @@ from trackprofile.errors import FileError, TrackprofileError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trackprofile.limits import Limits
+    from trackprofile.assessment.limits import Limits
     from trackprofile.models.sensor import Installation
     from trackprofile.models.spectrum import Spectrum
     from trackprofile.models.track import Track
@@ -200,7 +200,7 @@ def recording_of(row: Row) -> xr.Dataset:
 
 def means_of(row: Row, recording: xr.Dataset) -> Means:
     """All that a row's profile depends on but for its recording, read."""
-    from trackprofile.io.limits_toml import read_limits
+    from trackprofile.assessment.limits_toml import read_limits
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.io.vehicle_of_recording import carrier
 

@@ -33,10 +33,10 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, NonNegativeInt
 
+from trackprofile.assessment.limits_toml import limit_presets, read_limits
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.fleet.job import Row
 from trackprofile.io import toml_document
-from trackprofile.io.limits_toml import limit_presets, read_limits
 from trackprofile.io.model_toml import RIGID, presets, read_spectrum, read_track, read_vehicle
 from trackprofile.io.scenario_tables import Length, Speed
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from html import escape
 
 from trackprofile import __version__
+from trackprofile.assessment.limits import KM_H
 from trackprofile.assessment.tables import Table
 from trackprofile.fleet.measuring import Sample
 from trackprofile.fleet.plan import Cost, Need, Network
-from trackprofile.limits import KM_H
 from trackprofile.reporting.page import document, plain
 
 _DATA = (("PB", 1e15), ("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0))

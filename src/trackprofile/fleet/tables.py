@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import Table
 from trackprofile.fleet.job import Outcome, State
 from trackprofile.fleet.night import Night, Standing
-from trackprofile.limits import Action
 
 TABLES = ("recordings",)
 

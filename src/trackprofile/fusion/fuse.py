@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.assessment.changes import Pass
+from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, D1, band_pass_pieces
 from trackprofile.contracts import Quality, build_profile, has_rate, with_provenance, with_rate
 from trackprofile.contracts.rates import FUSED

@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import fftconvolve
 
 from trackprofile.assessment.alignment import DRIFT, LIKE, SEEN, Alignment, align
-from trackprofile.assessment.changes import Pass
+from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, D1, band_pass_pieces, resample
 from trackprofile.contracts import known_elevation
 from trackprofile.errors import DataError

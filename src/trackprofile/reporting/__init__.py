@@ -7,7 +7,7 @@ from pathlib import Path
 
 from trackprofile import __version__
 from trackprofile.assessment.assess import Assessment
-from trackprofile.assessment.changes import Changes
+from trackprofile.assessment.trend import Changes
 from trackprofile.errors import FileError
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.positioning.chainage import Way
@@ -65,7 +65,7 @@ def report(
     >>> import numpy as np
     >>> from trackprofile import assess
     >>> from trackprofile.contracts import build_profile
-    >>> from trackprofile.io.limits_toml import read_limits
+    >>> from trackprofile.assessment.limits_toml import read_limits
     >>> at = np.arange(0.0, 600.0, 0.25)
     >>> dip = build_profile(at, -0.04 * np.exp(-0.5 * ((at - 300) / 2) ** 2), kind="truth")
     >>> found = assess(dip, read_limits("en-13848"), 40.0)

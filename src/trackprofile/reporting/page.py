@@ -10,8 +10,8 @@ from typing import Any
 
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
+from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import Table, change_table, duty, tables, words
-from trackprofile.limits import Action
 from trackprofile.reporting.density import drawing
 from trackprofile.reporting.strips import chart_data
 from trackprofile.reporting.summary import changes_summary, gravity, headline, percent, summary

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.levels import BandLevel, not_assessed
+from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import words
-from trackprofile.limits import Action
 from trackprofile.positioning.chainage import Way
 from trackprofile.reporting.summary import changes_summary, headline, percent, summary
 from trackprofile.reporting.written import Report, differences, method

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 
 from trackprofile.assessment.assess import Assessment
-from trackprofile.assessment.changes import ChangedPlace, Changes
 from trackprofile.assessment.defects import Defect
+from trackprofile.assessment.limits import KM_H, Action
 from trackprofile.assessment.tables import words
-from trackprofile.limits import KM_H, Action
+from trackprofile.assessment.trend import ChangedPlace, Changes
 from trackprofile.positioning.chainage import Way
 
 NAMED = 5
@@ -26,7 +26,7 @@ def summary(found: Assessment, way: Way) -> list[str]:
     >>> import numpy as np
     >>> from trackprofile.assessment.assess import assess
     >>> from trackprofile.contracts import build_profile
-    >>> from trackprofile.io.limits_toml import read_limits
+    >>> from trackprofile.assessment.limits_toml import read_limits
     >>> at = np.arange(0.0, 600.0, 0.25)
     >>> dip = build_profile(at, -0.04 * np.exp(-0.5 * ((at - 300) / 2) ** 2), kind="truth")
     >>> print(summary(assess(dip, read_limits("en-13848"), 40.0), Way())[0])

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackprofile.assessment.assess import Assessment
-from trackprofile.assessment.changes import Changes
+from trackprofile.assessment.limits import KM_H
 from trackprofile.assessment.sections import Section
+from trackprofile.assessment.trend import Changes
 from trackprofile.bands import edge_distance
-from trackprofile.limits import KM_H
 from trackprofile.positioning.chainage import Way
 
 _MILLI = 1e3

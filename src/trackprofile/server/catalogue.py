@@ -6,8 +6,8 @@ from collections.abc import Callable, Hashable, Sequence
 from datetime import date
 from typing import TypeVar
 
+from trackprofile.assessment.limits import Action
 from trackprofile.errors import TrackprofileError
-from trackprofile.limits import Action
 from trackprofile.server.memory import Memory
 from trackprofile.server.rows import heights
 from trackprofile.store import Entry, Line, Store, find, lines

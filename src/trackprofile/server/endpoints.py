@@ -9,8 +9,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from trackprofile import __version__
+from trackprofile.assessment.limits import KM_H
 from trackprofile.bands import BANDS
-from trackprofile.limits import KM_H
 from trackprofile.server import models, places, rows, strips
 from trackprofile.server import questions as ask
 from trackprofile.server.catalogue import Catalogue, UnknownError

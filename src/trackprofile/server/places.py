@@ -7,12 +7,12 @@ from datetime import timedelta
 
 import numpy as np
 
-from trackprofile.assessment.changes import ChangedPlace, Changes, Pass, Reached, changes
 from trackprofile.assessment.development import Development, around, development
-from trackprofile.assessment.trend import Rate
+from trackprofile.assessment.limits import Action, DefectLimits, Limits
+from trackprofile.assessment.trend import ChangedPlace, Changes, Pass, Reached, changes
+from trackprofile.assessment.trend_fit import Rate
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import DataError
-from trackprofile.limits import Action, DefectLimits, Limits
 from trackprofile.server import models
 from trackprofile.server.catalogue import UnknownError
 from trackprofile.server.rows import section_columns

@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from trackprofile.io.limits_toml import limit_presets, read_limits
-from trackprofile.limits import Action
+from trackprofile.assessment.limits import Action
+from trackprofile.assessment.limits_toml import limit_presets, read_limits
 from trackprofile.server import models
 from trackprofile.store import Entry, Store, rows_of
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.assessment.limits import Action
 from trackprofile.errors import DataError
-from trackprofile.limits import Action
 from trackprofile.server import models
 from trackprofile.server.questions import MOST_BINS
 from trackprofile.store import Entry, Store, rows_of, strip

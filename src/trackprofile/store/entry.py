@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from trackprofile import __version__
+from trackprofile.assessment.limits import Action
 from trackprofile.errors import DataError, FileError
-from trackprofile.limits import Action
 from trackprofile.store.layout import DATA, ENTRIES, SCHEMA, Place
 
 _CHECKSUM = "checksum"

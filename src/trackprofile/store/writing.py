@@ -16,10 +16,10 @@ import numpy as np
 import xarray as xr
 
 from trackprofile.assessment.assess import Assessment
+from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import tables
 from trackprofile.contracts import Quality, has_rate, validate_profile
 from trackprofile.errors import DataError
-from trackprofile.limits import Action
 from trackprofile.positioning.chainage import Way
 from trackprofile.store.assessed import table_bytes
 from trackprofile.store.catalogue import entries_of_day, newest

@@ -10,8 +10,8 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trackprofile.assessment.compare import compare
 from trackprofile.bands import D1, D2, D3, band_pass
-from trackprofile.comparison import compare
 from trackprofile.errors import DataError
 
 GAP = 1

@@ -32,11 +32,11 @@ from pathlib import Path
 
 from pydantic import Field
 
-from trackprofile import limits as kinds
+from trackprofile.assessment import limits as kinds
+from trackprofile.assessment.limits import Action, Limits
 from trackprofile.errors import FileError
 from trackprofile.io.table import located
 from trackprofile.io.toml_document import Strict, load
-from trackprofile.limits import Action, Limits
 from trackprofile.units import quantity
 
 _PRESETS = Path(__file__).parents[1] / "presets" / "limits"

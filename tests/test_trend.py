@@ -13,14 +13,14 @@ import xarray as xr
 from full_track_recording import LAYERED, SAMPLING, STEP, VELARO
 from trackprofile.assessment.alignment import align
 from trackprofile.assessment.assess import assess
-from trackprofile.assessment.changes import Changes, Pass, changes
+from trackprofile.assessment.limits import Action
+from trackprofile.assessment.limits_toml import read_limits
+from trackprofile.assessment.trend import Changes, Pass, changes
 from trackprofile.bands import BANDS, D1, band_pass, gain
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError
 from trackprofile.inference.infer import infer
-from trackprofile.io.limits_toml import read_limits
 from trackprofile.io.model_toml import read_sensors, read_spectrum
-from trackprofile.limits import Action
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Dip, Sum, random
 from trackprofile.simulation.drive import steady
