@@ -18,8 +18,8 @@ from trackprofile.bands import BANDS, D1, band_pass
 from trackprofile.contracts import Quality, build_profile, known_elevation, validate_profile
 from trackprofile.errors import DataError
 from trackprofile.fusion.fuse import Fused, fuse
-from trackprofile.fusion.judge import Reason
-from trackprofile.fusion.words import summary
+from trackprofile.fusion.fusion_summary import summary
+from trackprofile.fusion.rejection import Reason
 from trackprofile.models.irregularity import Dip
 
 LINE = Line(length=1250.0, seed=5, settled=0.002, at=700.0)

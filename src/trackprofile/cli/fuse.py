@@ -45,7 +45,7 @@ def fuse(
 ) -> None:
     """Combine passes by different trains and on different days into one profile with its rate of change."""
     from trackprofile.fusion.fuse import fuse as fused
-    from trackprofile.fusion.words import summary
+    from trackprofile.fusion.fusion_summary import summary
     from trackprofile.io import format_to_write, write
 
     if bool(profiles) == bool(store) or bool(store) != bool(line and direction):

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from trackprofile.fusion.joint import Trust, weights
-from trackprofile.fusion.laid import Laid, smooth
-from trackprofile.fusion.moving import moving
-from trackprofile.fusion.waves import ALL, INTEGRALS, LENGTHS, RANGES, WIDTH, Range
+from trackprofile.fusion.change_detection import moving
+from trackprofile.fusion.estimator import Trust, weights
+from trackprofile.fusion.spectral_bands import ALL, INTEGRALS, LENGTHS, RANGES, WIDTH, Range
+from trackprofile.fusion.stack import Laid, smooth
 
 Array = NDArray[np.float64]
 

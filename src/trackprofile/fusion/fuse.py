@@ -16,11 +16,11 @@ from trackprofile.contracts import Quality, build_profile, has_rate, with_proven
 from trackprofile.contracts.rates import FUSED
 from trackprofile.errors import DataError
 from trackprofile.fusion.combine import Combined, combine, without_each
-from trackprofile.fusion.judge import Contradiction, Reason
-from trackprofile.fusion.laid import Laid, lay
-from trackprofile.fusion.places import FAR, Elsewhere, Placed, placed, realigned
-from trackprofile.fusion.waves import ALL, JUDGED, RANGES, deviations
-from trackprofile.fusion.weigh import Weighed, weigh
+from trackprofile.fusion.pass_alignment import FAR, Elsewhere, Placed, placed, realigned
+from trackprofile.fusion.rejection import Contradiction, Reason
+from trackprofile.fusion.spectral_bands import ALL, JUDGED, RANGES, deviations
+from trackprofile.fusion.stack import Laid, lay
+from trackprofile.fusion.weights import Weighed, weigh
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.fusion.laid import Laid, smooth
-from trackprofile.fusion.waves import LENGTHS, RANGES
+from trackprofile.fusion.spectral_bands import LENGTHS, RANGES
+from trackprofile.fusion.stack import Laid, smooth
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,8 +11,8 @@ from scipy.ndimage import distance_transform_edt, uniform_filter1d
 
 from trackprofile.bands import resample
 from trackprofile.contracts import Quality, known_elevation
-from trackprofile.fusion.places import Placed
-from trackprofile.fusion.waves import LENGTHS, OMEGA, POWER, STEP, Sines, sines, stated_by
+from trackprofile.fusion.pass_alignment import Placed
+from trackprofile.fusion.spectral_bands import LENGTHS, OMEGA, POWER, STEP, Sines, sines, stated_by
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,10 +14,10 @@ from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, D2, D3, Band, band_pass, edge_distance
 from trackprofile.contracts import build_profile
 from trackprofile.fusion.combine import combine, without_each
-from trackprofile.fusion.joint import Trust, weights
-from trackprofile.fusion.laid import Laid, lay
-from trackprofile.fusion.places import Placed
-from trackprofile.fusion.waves import LENGTHS, RANGES, deviations
+from trackprofile.fusion.estimator import Trust, weights
+from trackprofile.fusion.pass_alignment import Placed
+from trackprofile.fusion.spectral_bands import LENGTHS, RANGES, deviations
+from trackprofile.fusion.stack import Laid, lay
 
 Array = np.ndarray
 SPACING, COUNT = 1.0, 1100

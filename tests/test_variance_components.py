@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from trackprofile.fusion.factors import BELIEF, Cells, factors
+from trackprofile.fusion.variance_components import BELIEF, Cells, factors
 
 Array = np.ndarray
 N = 6

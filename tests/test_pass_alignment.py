@@ -11,7 +11,7 @@ from passing_trains import SPACING, Line, Train, fleet, passing
 from trackprofile.assessment.trend import Pass
 from trackprofile.contracts import build_profile
 from trackprofile.errors import DataError
-from trackprofile.fusion.places import FARTHEST, FINE, Placed, placed, realigned
+from trackprofile.fusion.pass_alignment import FARTHEST, FINE, Placed, placed, realigned
 
 LINE = Line(length=1500.0)
 

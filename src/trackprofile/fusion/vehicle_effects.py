@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.fusion.factors import Factors
-from trackprofile.fusion.judge import freedom_in, louder_in
-from trackprofile.fusion.laid import Laid
-from trackprofile.fusion.waves import INTEGRALS, JUDGED, RANGES, Range, deviations
+from trackprofile.fusion.rejection import freedom_in, louder_in
+from trackprofile.fusion.spectral_bands import INTEGRALS, JUDGED, RANGES, Range, deviations
+from trackprofile.fusion.stack import Laid
+from trackprofile.fusion.variance_components import Factors
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import runs
 from trackprofile.fusion.combine import without_each
-from trackprofile.fusion.factors import Cells, Factors, cells, factors
-from trackprofile.fusion.joint import Trust, weights
-from trackprofile.fusion.judge import (
+from trackprofile.fusion.estimator import Trust, weights
+from trackprofile.fusion.rejection import (
     Contradiction,
     Reason,
     Stretches,
@@ -22,9 +21,16 @@ from trackprofile.fusion.judge import (
     outlying,
     reason_of,
 )
-from trackprofile.fusion.laid import Laid
-from trackprofile.fusion.vehicles import Vehicles, hidden_by, notes_on, shared_by, vehicles_of
-from trackprofile.fusion.waves import JUDGED, RANGES
+from trackprofile.fusion.spectral_bands import JUDGED, RANGES
+from trackprofile.fusion.stack import Laid
+from trackprofile.fusion.variance_components import Cells, Factors, cells, factors
+from trackprofile.fusion.vehicle_effects import (
+    Vehicles,
+    hidden_by,
+    notes_on,
+    shared_by,
+    vehicles_of,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackprofile.fusion.moving import moving
+from trackprofile.fusion.change_detection import moving
 
 COUNT = 1200
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.fusion.laid import Laid
-from trackprofile.fusion.waves import LENGTHS, POWER, WIDTH, Range
+from trackprofile.fusion.spectral_bands import LENGTHS, POWER, WIDTH, Range
+from trackprofile.fusion.stack import Laid
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.signal import hilbert
 from scipy.stats import chi2
 
-from trackprofile.fusion.factors import Cells, Factors, projection
-from trackprofile.fusion.laid import Laid
-from trackprofile.fusion.waves import INTEGRALS, JUDGED, OMEGA, Range, sines
+from trackprofile.fusion.spectral_bands import INTEGRALS, JUDGED, OMEGA, Range, sines
+from trackprofile.fusion.stack import Laid
+from trackprofile.fusion.variance_components import Cells, Factors, projection
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

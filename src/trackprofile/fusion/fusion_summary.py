@@ -8,7 +8,7 @@ import numpy as np
 
 from trackprofile.bands import BANDS
 from trackprofile.fusion.fuse import Fused, MovingPlace
-from trackprofile.fusion.judge import Contradiction, Reason
+from trackprofile.fusion.rejection import Contradiction, Reason
 
 NAMED = 5
 """Places that are named in a sentence; all are in the tables."""

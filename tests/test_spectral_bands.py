@@ -13,7 +13,7 @@ from passing_trains import Line, Train, noise, passing, prior
 from trackprofile.bands import BANDS
 from trackprofile.contracts import build_profile
 from trackprofile.errors import DataError
-from trackprofile.fusion.waves import (
+from trackprofile.fusion.spectral_bands import (
     ALL,
     JUDGED,
     LENGTHS,

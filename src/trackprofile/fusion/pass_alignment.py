@@ -21,7 +21,7 @@ from trackprofile.assessment.trend import Pass
 from trackprofile.bands import BANDS, D1, band_pass_pieces, resample
 from trackprofile.contracts import known_elevation
 from trackprofile.errors import DataError
-from trackprofile.fusion.waves import LEAST
+from trackprofile.fusion.spectral_bands import LEAST
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
