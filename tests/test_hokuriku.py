@@ -23,7 +23,7 @@ from trackprofile.io import read
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.positioning.chainage import Way
-from trackprofile.reporting.written import Report, differences
+from trackprofile.reporting.contents import Report, differences
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hokuriku"
 JUDGED = {"from_m": 1400.0, "to_m": 2100.0}

@@ -69,7 +69,7 @@ def test_a_module_imports_only_from_below(module: Path) -> None:
         ("from trackprofile.io.atomic import whole_files", ["io"]),
         ("from trackprofile import cli, demo", ["cli", "demo"]),
         ("import trackprofile.models.vehicle as v\nimport numpy", ["vehicle"]),
-        ("def late():\n    from trackprofile.plot import page", ["plot"]),
+        ("def late():\n    from trackprofile.reporting.figures import page", ["plot"]),
     ],
 )
 def test_every_way_to_import_is_seen(source: str, rooms: list[str]) -> None:

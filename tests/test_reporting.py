@@ -25,7 +25,7 @@ from trackprofile.io.model_toml import read_spectrum
 from trackprofile.models.irregularity import random
 from trackprofile.positioning.chainage import Way
 from trackprofile.reporting import report
-from trackprofile.reporting.strips import chart_data
+from trackprofile.reporting.band_figures import chart_data
 from trackprofile.reporting.summary import summary
 
 EN, KM_H = read_limits("en-13848"), 1 / 3.6

@@ -34,7 +34,7 @@ from trackprofile.models.spectrum import Spectrum, draw
 from trackprofile.models.statespace import StateSpace, state_space
 from trackprofile.models.track import PointTrack
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.outputs import write_estimate
+from trackprofile.reporting.result_files import write_estimate
 
 Array = NDArray[np.float64]
 

@@ -50,7 +50,7 @@ def calibrate(
         read_vehicle,
         write_vehicle,
     )
-    from trackprofile.plot import calibration_picture, write_png
+    from trackprofile.reporting.figures import calibration_picture, write_png
 
     check_vehicle_place(output)
     if picture is not None:

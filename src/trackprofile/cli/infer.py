@@ -85,7 +85,7 @@ def infer(
     from trackprofile.methods.cross_entropy import search as searches
     from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
     from trackprofile.methods.cross_entropy.search_toml import read_search
-    from trackprofile.outputs import estimate_files, summary, write_estimate
+    from trackprofile.reporting.result_files import estimate_files, summary, write_estimate
     from trackprofile.resume import kept_beside, key_of
 
     _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)

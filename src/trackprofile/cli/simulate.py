@@ -50,7 +50,7 @@ def simulate(
 
     Beside RECORDING a page (.html) and a picture (.png) of the same name show what happened.
     """
-    from trackprofile.outputs import made_files, made_summary, write_made
+    from trackprofile.reporting.result_files import made_files, made_summary, write_made
     from trackprofile.scenario import read_scenario, run_scenario, step_errors
 
     made_files(output, truth)

@@ -9,7 +9,7 @@ from trackprofile import __version__
 from trackprofile.fleet.job import Outcome, State
 from trackprofile.fleet.night import Night
 from trackprofile.fleet.tables import recordings, sentences
-from trackprofile.reporting.page import MOST_ROWS, document, plain
+from trackprofile.reporting.html import MOST_ROWS, document, plain
 
 ELSEWHERE = "the tables that -o night.csv and --json give"
 

@@ -11,7 +11,7 @@ from trackprofile.assessment.limits import KM_H
 from trackprofile.assessment.tables import Table
 from trackprofile.fleet.measuring import Sample
 from trackprofile.fleet.plan import Cost, Need, Network
-from trackprofile.reporting.page import document, plain
+from trackprofile.reporting.html import document, plain
 
 _DATA = (("PB", 1e15), ("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0))
 

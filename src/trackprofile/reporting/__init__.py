@@ -11,9 +11,9 @@ from trackprofile.assessment.trend import Changes
 from trackprofile.errors import FileError
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.positioning.chainage import Way
-from trackprofile.reporting.page import html
-from trackprofile.reporting.paper import write_pdf
-from trackprofile.reporting.written import Report
+from trackprofile.reporting.contents import Report
+from trackprofile.reporting.html import html
+from trackprofile.reporting.pdf import write_pdf
 
 SUFFIXES = (".html", ".pdf")
 

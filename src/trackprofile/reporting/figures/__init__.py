@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from trackprofile.plot.chart import chart_of
+from trackprofile.reporting.figures.chart import chart_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +64,7 @@ def profile_figure(
     >>> [trace.name for trace in profile_figure(wave).data]
     ['elevation', 'elevation', 'elevation']
     """
-    from trackprofile.plot.page import draw
+    from trackprofile.reporting.figures.figure_html import draw
 
     return draw(chart_of(profile, recording, sample_distance, reproduced or {}))
 
@@ -76,7 +76,7 @@ def profile_picture(
     reproduced: Mapping[str, ArrayLike] | None = None,
 ) -> Figure:
     """The same chart as a still picture; parameters and errors as of `profile_figure`."""
-    from trackprofile.plot.picture import draw
+    from trackprofile.reporting.figures.png import draw
 
     return draw(chart_of(profile, recording, sample_distance, reproduced or {}))
 
@@ -93,8 +93,8 @@ def ride_figure(
     simulation : of `trackprofile.simulation.simulate`
     title : what it is of
     """
-    from trackprofile.plot.page import draw
-    from trackprofile.plot.ride import ride_chart
+    from trackprofile.reporting.figures.figure_html import draw
+    from trackprofile.reporting.figures.simulation_figure import ride_chart
 
     return draw(ride_chart(truth, recording, simulation, title))
 
@@ -103,8 +103,8 @@ def ride_picture(
     truth: xr.Dataset, recording: xr.Dataset, simulation: Simulation, title: str
 ) -> Figure:
     """The same chart as a still picture; parameters as of `ride_figure`."""
-    from trackprofile.plot.picture import draw
-    from trackprofile.plot.ride import ride_chart
+    from trackprofile.reporting.figures.png import draw
+    from trackprofile.reporting.figures.simulation_figure import ride_chart
 
     return draw(ride_chart(truth, recording, simulation, title))
 
@@ -116,14 +116,14 @@ def calibration_picture(calibration: Calibration) -> Figure:
     ----------
     calibration : of `trackprofile.calibration.calibrate.calibrate`
     """
-    from trackprofile.plot.calibration import draw
+    from trackprofile.reporting.figures.calibration_figure import draw
 
     return draw(calibration)
 
 
 def write_html(figure: Page, path: Path | str) -> None:
     """Write a page that holds all it needs and asks nothing of any network."""
-    from trackprofile.plot.page import html
+    from trackprofile.reporting.figures.figure_html import html
 
     Path(path).write_text(html(figure), encoding="utf-8")
 

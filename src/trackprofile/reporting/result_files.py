@@ -14,7 +14,7 @@ from trackprofile.contracts import Quality, Rail, fingerprint, of_rail, rails_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
-from trackprofile.plot import (
+from trackprofile.reporting.figures import (
     profile_figure,
     profile_picture,
     ride_figure,

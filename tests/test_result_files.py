@@ -14,7 +14,7 @@ from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.outputs import write_estimate
+from trackprofile.reporting.result_files import write_estimate
 
 VELARO = read_vehicle("velaro")[0]
 

@@ -8,7 +8,14 @@ import numpy as np
 import xarray as xr
 
 from trackprofile.contracts import channels
-from trackprofile.plot.chart import ELEVATION, SIMULATED, Chart, Panel, channel_panels, line_of
+from trackprofile.reporting.figures.chart import (
+    ELEVATION,
+    SIMULATED,
+    Chart,
+    Panel,
+    channel_panels,
+    line_of,
+)
 from trackprofile.simulation.simulate import Simulation
 
 _MILLI, _KILO = 1e3, 1e-3

@@ -12,10 +12,10 @@ from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import Table, change_table, duty, tables, words
-from trackprofile.reporting.density import drawing
-from trackprofile.reporting.strips import chart_data
+from trackprofile.reporting.band_figures import chart_data
+from trackprofile.reporting.contents import Report, differences, method
+from trackprofile.reporting.spectrum_figure import drawing
 from trackprofile.reporting.summary import changes_summary, gravity, headline, percent, summary
-from trackprofile.reporting.written import Report, differences, method
 
 MOST_ROWS = 2000
 """Defects in the page's table, the gravest; all are in the tables that `assess` writes."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trackprofile.plot.chart import (
+from trackprofile.reporting.figures.chart import (
     COLOURS,
     GAP,
     GAP_OPACITY,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from trackprofile.bands import D1, band_pass
 from trackprofile.errors import DataError
-from trackprofile.plot import (
+from trackprofile.reporting.figures import (
     profile_figure,
     profile_picture,
     ride_figure,
@@ -21,8 +21,8 @@ from trackprofile.plot import (
     write_html,
     write_png,
 )
-from trackprofile.plot.chart import MOST_POINTS, chart_of, extremes
-from trackprofile.plot.ride import ride_chart
+from trackprofile.reporting.figures.chart import MOST_POINTS, chart_of, extremes
+from trackprofile.reporting.figures.simulation_figure import ride_chart
 from trackprofile.simulation.simulate import Simulation
 
 DISTANCE = np.arange(0.0, 500.0, 0.25)
@@ -205,7 +205,7 @@ def test_what_does_not_fit_the_recording_is_refused():
 
 
 def test_importing_the_room_loads_neither_plotly_nor_matplotlib():
-    code = "import sys, trackprofile.plot; print({'plotly', 'matplotlib'} & set(sys.modules))"
+    code = "import sys, trackprofile.reporting.figures; print({'plotly', 'matplotlib'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 

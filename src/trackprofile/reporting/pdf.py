@@ -17,8 +17,8 @@ from trackprofile.assessment.levels import BandLevel, not_assessed
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import words
 from trackprofile.positioning.chainage import Way
+from trackprofile.reporting.contents import Report, differences, method
 from trackprofile.reporting.summary import changes_summary, headline, percent, summary
-from trackprofile.reporting.written import Report, differences, method
 
 SIZE = (11.69, 8.27)  # inches, A4 on its side
 STRIP = 1000.0  # m of track in one strip

@@ -8,7 +8,7 @@ from html import escape
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from trackprofile.plot.chart import (
+from trackprofile.reporting.figures.chart import (
     COLOURS,
     GAP,
     GAP_OPACITY,

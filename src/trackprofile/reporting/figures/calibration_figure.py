@@ -10,7 +10,7 @@ from trackprofile.calibration.bandwidth import Explained
 from trackprofile.calibration.calibrate import Calibration
 from trackprofile.calibration.likelihood_profiles import LikelihoodProfile, likelihood_profiles
 from trackprofile.models.sensor import Sensor
-from trackprofile.plot.chart import COLOURS, ELEVATION, MEASURED, REPRODUCED, RESIDUAL
+from trackprofile.reporting.figures.chart import COLOURS, ELEVATION, MEASURED, REPRODUCED, RESIDUAL
 
 _COLUMNS = 3
 _WIDTH, _HEIGHT = 3.7, 2.5  # inches, of one panel
