@@ -13,7 +13,8 @@ from trackprofile.errors import FileError
 from trackprofile.methods.cross_entropy.search import TABLE_6
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.models.irregularity import Bell
-from trackprofile.paper import (
+from trackprofile.reproduction import PAGE, TITLE, reproduce
+from trackprofile.reproduction.cases import (
     bell,
     finely_ridden,
     instruments,
@@ -22,12 +23,11 @@ from trackprofile.paper import (
     ridden,
     with_lead,
 )
-from trackprofile.reproduction import PAGE, TITLE, reproduce
-from trackprofile.reproduction.noise import dip, profiles, sensors
-from trackprofile.reproduction.page import files, html
+from trackprofile.reproduction.noise_study import dip, profiles, sensors
+from trackprofile.reproduction.paper_tables import settings
 from trackprofile.reproduction.parts import Panel, Section, Table
+from trackprofile.reproduction.reproduction_html import files, html
 from trackprofile.reproduction.studies import growth, in_bands, search, shorter, without_parabola
-from trackprofile.reproduction.tables import settings
 
 
 def test_every_printed_number_is_what_the_package_runs_with() -> None:

@@ -38,9 +38,9 @@ from trackprofile.models.receptance import point_track
 from trackprofile.models.statespace import state_space
 from trackprofile.models.track import Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.paper import bell, model_b, recorded, ridden
 from trackprofile.preprocessing.motion import Motion
 from trackprofile.reporting import report
+from trackprofile.reproduction.cases import bell, model_b, recorded, ridden
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, simulate
 

@@ -8,7 +8,10 @@ from pathlib import Path
 from trackprofile.errors import FileError
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.io.atomic import check_places, whole_files
-from trackprofile.reproduction import noise, open_settings, page, searches, tables
+from trackprofile.reproduction import noise_study as noise
+from trackprofile.reproduction import open_settings, searches
+from trackprofile.reproduction import paper_tables as tables
+from trackprofile.reproduction import reproduction_html as page
 from trackprofile.reproduction.parts import Section
 
 TITLE = "Longitudinal profile from vehicle-based inertial readings: the paper reproduced"

@@ -8,10 +8,10 @@ import numpy as np
 
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Variant
 from trackprofile.models.integrate import newmark, wilson
-from trackprofile.paper import bell, model_b, ridden
+from trackprofile.reproduction.cases import bell, model_b, ridden
+from trackprofile.reproduction.paper_tables import median_generations
 from trackprofile.reproduction.parts import Cell, Section, Table
 from trackprofile.reproduction.studies import growth, search, shorter
-from trackprofile.reproduction.tables import median_generations
 
 UNSTABLE = 60.0
 """m over which the growth of an error is looked at."""

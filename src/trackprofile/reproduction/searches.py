@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.methods.cross_entropy.estimator import Found, Phase
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Search, Variant
-from trackprofile.paper import CLASSES, Case, bell, finely_ridden, model_a, model_b, ridden
+from trackprofile.reproduction.cases import (
+    CLASSES,
+    Case,
+    bell,
+    finely_ridden,
+    model_a,
+    model_b,
+    ridden,
+)
+from trackprofile.reproduction.paper_tables import median_generations
 from trackprofile.reproduction.parts import Cell, Panel, Section, Table, ratio
 from trackprofile.reproduction.studies import (
     Searched,
@@ -21,7 +30,6 @@ from trackprofile.reproduction.studies import (
     shorter,
     smoothed,
 )
-from trackprofile.reproduction.tables import median_generations
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from trackprofile.methods.cross_entropy.search import Search
 from trackprofile.models.integrate import Scheme
 from trackprofile.models.sensor_errors import Instrument
 from trackprofile.models.spectrum import Spectrum
-from trackprofile.paper import Case, finely_ridden, recorded, ridden, with_lead
+from trackprofile.reproduction.cases import Case, finely_ridden, recorded, ridden, with_lead
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from trackprofile.io.model_toml import read_spectrum
 from trackprofile.methods.cross_entropy.search import TABLE_6, Variant
 from trackprofile.models.irregularity import Bell, random
 from trackprofile.models.sensor_errors import Instrument, noise, noise_density
-from trackprofile.paper import (
+from trackprofile.reproduction.cases import (
     CLASSES,
     LONGEST,
     SHORTEST,
