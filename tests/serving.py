@@ -8,7 +8,7 @@ from threading import Thread
 
 import httpx
 
-from trackprofile.server.listen import listener, server
+from trackprofile.server.serve import listener, server
 from trackprofile.store import Store
 
 

@@ -32,7 +32,9 @@ from dated_passes import (
 from serving import serving
 from trackprofile.assessment.limits import Action
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.server import catalogue, places, questions
+from trackprofile.server import history as places
+from trackprofile.server import line_catalogue as catalogue
+from trackprofile.server import requests as questions
 from trackprofile.store import Store, create, find, lines, read_columns, table
 from trackprofile.store.layout import Place
 

@@ -41,8 +41,8 @@ def serve(
 ) -> None:
     """Show a store's lines in a browser, and as JSON to other programs; nothing is written."""
     try:
-        from trackprofile.server.listen import listener
-        from trackprofile.server.listen import serve as answer
+        from trackprofile.server.serve import listener
+        from trackprofile.server.serve import serve as answer
     except ModuleNotFoundError as error:
         if str(error.name).startswith("trackprofile"):
             raise

@@ -17,11 +17,11 @@ from starlette.types import ASGIApp
 
 from trackprofile import __version__
 from trackprofile.errors import DataError, FileError
-from trackprofile.server.catalogue import Catalogue, UnknownError
 from trackprofile.server.endpoints import UnchangedError, endpoints
-from trackprofile.server.files import page_files
-from trackprofile.server.gate import LARGEST_BODY, Gate, Rules, may_read
+from trackprofile.server.line_catalogue import Catalogue, UnknownError
+from trackprofile.server.security import LARGEST_BODY, Gate, Rules, may_read
 from trackprofile.server.session import COOKIE, LASTS, knows, new_session
+from trackprofile.server.static_files import page_files
 from trackprofile.store import Store
 
 THREADS = 6

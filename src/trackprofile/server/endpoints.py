@@ -11,10 +11,13 @@ from fastapi import APIRouter, Query, Request, Response
 from trackprofile import __version__
 from trackprofile.assessment.limits import KM_H
 from trackprofile.bands import BANDS
-from trackprofile.server import models, places, rows, strips
-from trackprofile.server import questions as ask
-from trackprofile.server.catalogue import Catalogue, UnknownError
-from trackprofile.server.quality import quality as quality_of
+from trackprofile.server import assessment_rows as rows
+from trackprofile.server import chart_data as strips
+from trackprofile.server import history as places
+from trackprofile.server import requests as ask
+from trackprofile.server import responses as models
+from trackprofile.server.data_quality import quality as quality_of
+from trackprofile.server.line_catalogue import Catalogue, UnknownError
 from trackprofile.store import Entry
 from trackprofile.store.layout import ENTRIES
 

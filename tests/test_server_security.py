@@ -24,8 +24,8 @@ from serving import serving
 from trackprofile.cli import main
 from trackprofile.errors import FileError
 from trackprofile.server import session
-from trackprofile.server.files import page_files
-from trackprofile.server.listen import listener
+from trackprofile.server.serve import listener
+from trackprofile.server.static_files import page_files
 from trackprofile.store import Store, create
 
 TOKEN = "a-token-of-many-letters-0123456789"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from trackprofile.assessment.limits import Action
 from trackprofile.errors import DataError
-from trackprofile.server import models
-from trackprofile.server.questions import MOST_BINS
+from trackprofile.server import responses as models
+from trackprofile.server.requests import MOST_BINS
 from trackprofile.store import Entry, Store, rows_of, strip
 from trackprofile.store.strips import bin_size
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import Quality
 from trackprofile.errors import DataError
-from trackprofile.server import models
-from trackprofile.server.catalogue import Catalogue
-from trackprofile.server.strips import millimetres
+from trackprofile.server import responses as models
+from trackprofile.server.chart_data import millimetres
+from trackprofile.server.line_catalogue import Catalogue
 from trackprofile.store import Entry, Store, Strip, strip
 from trackprofile.store.layout import ENTRIES
 

@@ -12,7 +12,7 @@ import uvicorn
 
 from trackprofile.errors import FileError
 from trackprofile.server.app import page_app
-from trackprofile.server.gate import LARGEST_HEADERS, Rules
+from trackprofile.server.security import LARGEST_HEADERS, Rules
 from trackprofile.server.session import new_token
 from trackprofile.store import Store
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.limits_toml import limit_presets, read_limits
-from trackprofile.server import models
+from trackprofile.server import responses as models
 from trackprofile.store import Entry, Store, rows_of
 
 Array = NDArray[np.float64]

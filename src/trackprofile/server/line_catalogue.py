@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from trackprofile.assessment.limits import Action
 from trackprofile.errors import TrackprofileError
-from trackprofile.server.memory import Memory
-from trackprofile.server.rows import heights
+from trackprofile.server.assessment_rows import heights
+from trackprofile.server.cache import Memory
 from trackprofile.store import Entry, Line, Store, find, lines
 from trackprofile.store.layout import ENTRIES
 

@@ -13,10 +13,18 @@ from trackprofile.assessment.trend import ChangedPlace, Changes, Pass, Reached, 
 from trackprofile.assessment.trend_fit import Rate
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import DataError
-from trackprofile.server import models
-from trackprofile.server.catalogue import UnknownError
-from trackprofile.server.rows import section_columns
-from trackprofile.server.strips import Bins, empty, filled, limit_models, merged, millimetres, model
+from trackprofile.server import responses as models
+from trackprofile.server.assessment_rows import section_columns
+from trackprofile.server.chart_data import (
+    Bins,
+    empty,
+    filled,
+    limit_models,
+    merged,
+    millimetres,
+    model,
+)
+from trackprofile.server.line_catalogue import UnknownError
 from trackprofile.store import Entry, Store, read_profile
 
 MOST_PASSES = 60
