@@ -37,8 +37,8 @@ from trackprofile.positioning.chainage import Way
 from trackprofile.store import Entry, Origin, Place, Store
 from trackprofile.store.columns import profile_columns
 from trackprofile.store.entry import document, entry_id, parsed
-from trackprofile.store.files import RemoteFiles
 from trackprofile.store.layout import ENTRIES
+from trackprofile.store.object_files import RemoteFiles
 
 DAY = date(2026, 5, 1)
 PLACE = Place("Main / North", "up", DAY, "06:12")

@@ -25,8 +25,8 @@ from trackprofile.contracts import fingerprint
 from trackprofile.errors import FileError
 from trackprofile.store import Origin, Place, Problem, Store
 from trackprofile.store.entry import document
-from trackprofile.store.files import LocalFiles
 from trackprofile.store.layout import ENTRIES
+from trackprofile.store.object_files import LocalFiles
 
 NETWORK = Network(1, 600.0, 3)
 PROFILE = NETWORK.passed(0, 0)

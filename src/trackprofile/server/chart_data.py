@@ -13,7 +13,7 @@ from trackprofile.errors import DataError
 from trackprofile.server import responses as models
 from trackprofile.server.requests import MOST_BINS
 from trackprofile.store import Entry, Store, rows_of, strip
-from trackprofile.store.strips import bin_size
+from trackprofile.store.envelopes import bin_size
 
 Array = NDArray[np.float64]
 

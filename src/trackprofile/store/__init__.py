@@ -21,6 +21,8 @@ from trackprofile.store.entry import Origin as Origin
 from trackprofile.store.entry import StoredFile as StoredFile
 from trackprofile.store.entry import digest as digest
 from trackprofile.store.entry import entry_id as entry_id
+from trackprofile.store.envelopes import Strip as Strip
+from trackprofile.store.envelopes import strip as strip
 from trackprofile.store.index import build_index as build_index
 from trackprofile.store.layout import DATA as DATA
 from trackprofile.store.layout import Place as Place
@@ -30,13 +32,11 @@ from trackprofile.store.reading import read_profile as read_profile
 from trackprofile.store.reading import rows_of as rows_of
 from trackprofile.store.reading import sections as sections
 from trackprofile.store.reading import table as table
-from trackprofile.store.room import Store as Store
-from trackprofile.store.room import create as create
-from trackprofile.store.room import open_store as open_store
-from trackprofile.store.strips import Strip as Strip
-from trackprofile.store.strips import strip as strip
-from trackprofile.store.verifying import Problem as Problem
-from trackprofile.store.verifying import verify as verify
+from trackprofile.store.store import Store as Store
+from trackprofile.store.store import create as create
+from trackprofile.store.store import open_store as open_store
+from trackprofile.store.verification import Problem as Problem
+from trackprofile.store.verification import verify as verify
 from trackprofile.store.writing import LIVING as LIVING
 from trackprofile.store.writing import Added as Added
 from trackprofile.store.writing import add as add

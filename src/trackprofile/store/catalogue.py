@@ -18,7 +18,7 @@ from trackprofile.errors import FileError
 from trackprofile.store.entry import Entry, parsed
 from trackprofile.store.index import entry_table, rows_below, table_of
 from trackprofile.store.layout import ENTRIES, Place, encoded
-from trackprofile.store.room import Store
+from trackprofile.store.store import Store
 
 _KEPT = 10_000  # entries in memory, of some 5 kB
 

@@ -18,9 +18,9 @@ import pyarrow.parquet as parquet
 from trackprofile.errors import FileError
 from trackprofile.store.columns import written
 from trackprofile.store.entry import Entry, document, parsed, sealed
-from trackprofile.store.files import Files, Found
 from trackprofile.store.layout import ENTRIES, ENTRY_PATH, INDEX, INDEX_PATH
-from trackprofile.store.room import Store
+from trackprofile.store.object_files import Files, Found
+from trackprofile.store.store import Store
 
 _KEPT = 50_000  # rows in memory, of some 3 kB
 

@@ -19,7 +19,7 @@ from trackprofile.errors import DataError, FileError, TrackprofileError
 from trackprofile.store.columns import ATTRIBUTES, LEVEL, SPREAD
 from trackprofile.store.entry import Entry
 from trackprofile.store.layout import PROFILES, TABLES
-from trackprofile.store.room import Store
+from trackprofile.store.store import Store
 
 
 def read_columns(

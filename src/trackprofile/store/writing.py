@@ -21,10 +21,11 @@ from trackprofile.assessment.tables import tables
 from trackprofile.contracts import Quality, has_rate, validate_profile
 from trackprofile.errors import DataError
 from trackprofile.positioning.chainage import Way
-from trackprofile.store.assessed import table_bytes
+from trackprofile.store.assessment_tables import table_bytes
 from trackprofile.store.catalogue import entries_of_day, newest
 from trackprofile.store.columns import attributes_of, parquet_bytes, profile_columns
 from trackprofile.store.entry import Entry, Origin, document, entry_id, parsed, sealed
+from trackprofile.store.envelopes import overview
 from trackprofile.store.index import rows_below
 from trackprofile.store.layout import (
     DATA_PATH,
@@ -35,8 +36,7 @@ from trackprofile.store.layout import (
     UNFINISHED_PATH,
     Place,
 )
-from trackprofile.store.room import Store
-from trackprofile.store.strips import overview
+from trackprofile.store.store import Store
 
 OVERLAP = 600.0
 """m that recordings of one run may share: their ends, where a filter settles, twice."""

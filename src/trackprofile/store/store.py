@@ -6,8 +6,8 @@ import json
 from dataclasses import dataclass
 
 from trackprofile.errors import FileError
-from trackprofile.store.files import Files, files_at
 from trackprofile.store.layout import SCHEMA, STORE_FILE, UNFINISHED_PATH
+from trackprofile.store.object_files import Files, files_at
 
 HEAD = json.dumps({"schema": SCHEMA}).encode() + b"\n"
 """What a store's own file says."""

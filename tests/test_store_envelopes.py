@@ -16,7 +16,7 @@ from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.contracts import Quality, build_profile, fingerprint
 from trackprofile.errors import DataError
 from trackprofile.store import Entry, Origin, Place, Store
-from trackprofile.store.strips import BIN, STEP, bin_size
+from trackprofile.store.envelopes import BIN, STEP, bin_size
 
 START, LENGTH = -137.3, 3000.0
 

@@ -8,7 +8,6 @@ from itertools import combinations
 
 from trackprofile.errors import DataError, FileError
 from trackprofile.store.entry import Entry, document, parsed, sealed
-from trackprofile.store.files import Found
 from trackprofile.store.index import indexed
 from trackprofile.store.layout import (
     DATA,
@@ -19,7 +18,8 @@ from trackprofile.store.layout import (
     STORE_FILE,
     UNFINISHED_PATH,
 )
-from trackprofile.store.room import HEAD, Store
+from trackprofile.store.object_files import Found
+from trackprofile.store.store import HEAD, Store
 from trackprofile.store.writing import check_claim
 
 

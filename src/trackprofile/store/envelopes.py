@@ -19,7 +19,7 @@ from trackprofile.store.columns import ELEVATION, LEVEL, SPREAD
 from trackprofile.store.entry import Entry
 from trackprofile.store.layout import OVERVIEWS, PROFILES
 from trackprofile.store.reading import read_columns
-from trackprofile.store.room import Store
+from trackprofile.store.store import Store
 
 Array = NDArray[np.float64]
 
