@@ -16,12 +16,12 @@ from fleet_recordings import Ride, ride, write_recording
 from trackprofile.assessment.limits_toml import limit_presets
 from trackprofile.cli import main
 from trackprofile.errors import DataError, FileError
-from trackprofile.fleet.claims import check_claims
+from trackprofile.fleet.batch import Night
+from trackprofile.fleet.batch_html import html
+from trackprofile.fleet.batch_tables import recordings, sentences
+from trackprofile.fleet.conflicts import check_claims
 from trackprofile.fleet.job import Job, Outcome, Row, State, bring, means_of, recording_of
 from trackprofile.fleet.manifest import read_manifest
-from trackprofile.fleet.night import Night
-from trackprofile.fleet.page import html
-from trackprofile.fleet.tables import recordings, sentences
 from trackprofile.io.model_toml import presets
 from trackprofile.store import create, find, open_store, read_profile
 

@@ -15,7 +15,7 @@ from trackprofile.cli.options import Json
 from trackprofile.errors import FileError
 
 if TYPE_CHECKING:
-    from trackprofile.fleet.night import Night, Standing, Told
+    from trackprofile.fleet.batch import Night, Standing, Told
 
 PAGE = ".html"
 BETWEEN_LINES = 60.0
@@ -58,10 +58,10 @@ def fleet(
     What the store has is not computed again: the same command goes on after whatever stopped it. A recording that
     fails is a row with its reason.
     """
-    from trackprofile.fleet.claims import check_claims
+    from trackprofile.fleet.batch import night
     from trackprofile.fleet.cluster import existing, local
+    from trackprofile.fleet.conflicts import check_claims
     from trackprofile.fleet.manifest import read_manifest
-    from trackprofile.fleet.night import night
     from trackprofile.store import build_index, create, tidy
 
     if scheduler is not None and (workers is not None or memory != "auto"):
@@ -89,7 +89,7 @@ def fleet(
 
 def _check_files(files: list[Path]) -> None:
     """See that the results can be written, before a night of work."""
-    from trackprofile.fleet.tables import TABLES
+    from trackprofile.fleet.batch_tables import TABLES
     from trackprofile.io.atomic import check_places
     from trackprofile.io.result_tables import table_files
 
@@ -101,8 +101,8 @@ def _check_files(files: list[Path]) -> None:
 
 
 def _write(done: Night, manifest: Path, files: list[Path]) -> list[Path]:
-    from trackprofile.fleet.page import html
-    from trackprofile.fleet.tables import TABLES, recordings
+    from trackprofile.fleet.batch_html import html
+    from trackprofile.fleet.batch_tables import TABLES, recordings
     from trackprofile.io.atomic import whole_files
     from trackprofile.io.result_tables import write_tables
 
@@ -118,8 +118,8 @@ def _write(done: Night, manifest: Path, files: list[Path]) -> list[Path]:
 
 
 def _tell(done: Night, written: list[Path], as_json: bool) -> None:
+    from trackprofile.fleet.batch_tables import recordings, sentences
     from trackprofile.fleet.job import State
-    from trackprofile.fleet.tables import recordings, sentences
 
     said, failed = sentences(done), done.of(State.FAILED)
     if as_json:
@@ -145,7 +145,7 @@ def _tell(done: Night, written: list[Path], as_json: bool) -> None:
 
 def _telling(bars: Callable[[str, float], None] | None) -> Told:
     """How far the night is: a bar where somebody looks, else a line now and then."""
-    from trackprofile.fleet.tables import standing
+    from trackprofile.fleet.batch_tables import standing
 
     last = time.monotonic()
 

@@ -47,9 +47,9 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Say what a country's lines need in cores, memory, storage and transfer; the cost is measured here (a minute)."""
-    from trackprofile.fleet.measuring import Sample, cost, stored_per_metre
-    from trackprofile.fleet.plan import Network, need
-    from trackprofile.fleet.plan_page import Plan, html, markdown, tables, title
+    from trackprofile.fleet.capacity import Network, need
+    from trackprofile.fleet.capacity_html import Plan, html, markdown, tables, title
+    from trackprofile.fleet.cost_measurement import Sample, cost, stored_per_metre
     from trackprofile.io.atomic import check_places, whole_files
     from trackprofile.machine import machine
     from trackprofile.store import open_store

@@ -6,8 +6,8 @@ from typing import Any
 
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import Table
+from trackprofile.fleet.batch import Night, Standing
 from trackprofile.fleet.job import Outcome, State
-from trackprofile.fleet.night import Night, Standing
 
 TABLES = ("recordings",)
 

@@ -9,8 +9,8 @@ from html import escape
 from trackprofile import __version__
 from trackprofile.assessment.limits import KM_H
 from trackprofile.assessment.tables import Table
-from trackprofile.fleet.measuring import Sample
-from trackprofile.fleet.plan import Cost, Need, Network
+from trackprofile.fleet.capacity import Cost, Need, Network
+from trackprofile.fleet.cost_measurement import Sample
 from trackprofile.reporting.html import document, plain
 
 _DATA = (("PB", 1e15), ("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0))

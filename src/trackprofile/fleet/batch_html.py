@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from html import escape
 
 from trackprofile import __version__
+from trackprofile.fleet.batch import Night
+from trackprofile.fleet.batch_tables import recordings, sentences
 from trackprofile.fleet.job import Outcome, State
-from trackprofile.fleet.night import Night
-from trackprofile.fleet.tables import recordings, sentences
 from trackprofile.reporting.html import MOST_ROWS, document, plain
 
 ELSEWHERE = "the tables that -o night.csv and --json give"

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from trackprofile.cli import main
 from trackprofile.errors import DataError
-from trackprofile.fleet.measuring import Sample, cost, stored_per_metre
-from trackprofile.fleet.plan import Cost, Network, need
-from trackprofile.fleet.plan_page import Plan, html, markdown, tables
+from trackprofile.fleet.capacity import Cost, Network, need
+from trackprofile.fleet.capacity_html import Plan, html, markdown, tables
+from trackprofile.fleet.cost_measurement import Sample, cost, stored_per_metre
 from trackprofile.store import create
 
 COST = Cost(cpu=2e-3, memory=1e9, recorded=400.0, recorded_as_csv=1000.0, stored=50.0, files=7)

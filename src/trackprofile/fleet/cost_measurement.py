@@ -11,8 +11,8 @@ import numpy as np
 
 from trackprofile.contracts import Channel, build_recording
 from trackprofile.errors import DataError, FileError
+from trackprofile.fleet.capacity import Cost
 from trackprofile.fleet.job import Job, Row, State, bring
-from trackprofile.fleet.plan import Cost
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.machine import in_one_thread, peak_memory
