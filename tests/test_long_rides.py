@@ -18,6 +18,7 @@ from numpy.fft import irfft, rfftfreq
 
 from trackprofile.assessment.compare import compare
 from trackprofile.bands import BANDS, band_pass
+from trackprofile.checkpoint import Kept, kept_beside, key_of
 from trackprofile.cli import main
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError, FileError
@@ -29,7 +30,6 @@ from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, 
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.receptance import point_track
-from trackprofile.resume import Kept, kept_beside, key_of
 from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import Run, felt, simulate
 

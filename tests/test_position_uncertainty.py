@@ -13,7 +13,7 @@ from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.assessment.tables import defect_table
 from trackprofile.contracts import Channel, build_profile, build_recording
-from trackprofile.contracts.rows import steps_of
+from trackprofile.contracts.validation import steps_of
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, FileError, RowError
 from trackprofile.inference.infer import estimate

@@ -15,7 +15,7 @@ from trackprofile.assessment.roughness import Nearest, Psd, common_range, neares
 from trackprofile.assessment.sections import Section, assess_sections
 from trackprofile.bands import BANDS, FILTER_NAMES, Band, resample
 from trackprofile.contracts import Quality
-from trackprofile.contracts.rows import DEVIATION
+from trackprofile.contracts.validation import DEVIATION
 from trackprofile.errors import DataError
 from trackprofile.models.spectrum import Roughness
 

@@ -15,7 +15,7 @@ from trackprofile.cli.options import From, Json, OptionalVehicle, To, TrackName,
 from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
-    from trackprofile.resume import Kept
+    from trackprofile.checkpoint import Kept
 
 INTERRUPTED_EXIT = 130
 """As a shell has it of what ends by Ctrl-C."""
@@ -78,6 +78,7 @@ def infer(
     method that the smoother replaces, gives no uncertainty. A long run keeps what it has solved in a hidden folder
     beside PROFILE until it ends.
     """
+    from trackprofile.checkpoint import kept_beside, key_of
     from trackprofile.contracts import between
     from trackprofile.inference.infer import estimate
     from trackprofile.io.model_toml import read_spectrum, read_track
@@ -86,7 +87,6 @@ def infer(
     from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
     from trackprofile.methods.cross_entropy.search_toml import read_search
     from trackprofile.reporting.result_files import estimate_files, summary, write_estimate
-    from trackprofile.resume import kept_beside, key_of
 
     _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)
     estimate_files(output)

@@ -15,6 +15,10 @@ both                       ``distance_deviation``, how well each place is known
 =========  ==============  ===========================================================
 """
 
+from trackprofile.contracts.operations import between as between
+from trackprofile.contracts.operations import fingerprint as fingerprint
+from trackprofile.contracts.operations import validated as validated
+from trackprofile.contracts.operations import with_provenance as with_provenance
 from trackprofile.contracts.profile import KINDS as KINDS
 from trackprofile.contracts.profile import LOADINGS as LOADINGS
 from trackprofile.contracts.profile import Quality as Quality
@@ -34,7 +38,3 @@ from trackprofile.contracts.recording import Channel as Channel
 from trackprofile.contracts.recording import build_recording as build_recording
 from trackprofile.contracts.recording import channels as channels
 from trackprofile.contracts.recording import validate_recording as validate_recording
-from trackprofile.contracts.verbs import between as between
-from trackprofile.contracts.verbs import fingerprint as fingerprint
-from trackprofile.contracts.verbs import validated as validated
-from trackprofile.contracts.verbs import with_provenance as with_provenance

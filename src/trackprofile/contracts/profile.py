@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from trackprofile.contracts.rows import (
+from trackprofile.contracts.validation import (
     DEVIATION,
     check_deviation,
     check_finite,

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.profile import Quality, validate_profile
-from trackprofile.contracts.rows import check_beside_gaps, flags_of, put, values_of
+from trackprofile.contracts.validation import check_beside_gaps, flags_of, put, values_of
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]

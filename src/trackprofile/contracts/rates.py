@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from trackprofile.contracts.profile import Quality
 from trackprofile.contracts.rails import validate_rails
-from trackprofile.contracts.rows import check_beside_gaps, flags_of, put, values_of
+from trackprofile.contracts.validation import check_beside_gaps, flags_of, put, values_of
 from trackprofile.errors import DataError
 
 FUSED = "fusion of"

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from trackprofile.contracts.rows import (
+from trackprofile.contracts.validation import (
     DEVIATION,
     Array,
     check_deviation,

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel, channels
-from trackprofile.contracts.rows import steps_of
+from trackprofile.contracts.validation import steps_of
 from trackprofile.errors import DataError, ModelError
 from trackprofile.kalman.smoother import Filter, Start, prepare, start_of_ride
 from trackprofile.kalman.time_steps import Ride, Walk, build_ride, with_offsets

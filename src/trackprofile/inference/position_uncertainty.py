@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts.rows import DEVIATION
+from trackprofile.contracts.validation import DEVIATION
 from trackprofile.models.sensor import Installation
 from trackprofile.preprocessing.motion import deviation_of_counting
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts.rows import steps_of
+from trackprofile.contracts.validation import steps_of
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files

@@ -27,7 +27,7 @@ from trackprofile.contracts.rates import (
     rate_variables,
     validate_rate,
 )
-from trackprofile.contracts.rows import DEVIATION
+from trackprofile.contracts.validation import DEVIATION
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import SUFFIXES as SUFFIXES

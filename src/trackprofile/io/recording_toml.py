@@ -26,7 +26,7 @@ import xarray as xr
 
 from trackprofile.contracts import QUANTITIES, channels
 from trackprofile.contracts.recording import leading_end
-from trackprofile.contracts.rows import steps_of
+from trackprofile.contracts.validation import steps_of
 from trackprofile.errors import FileError
 from trackprofile.io import table, toml_document
 from trackprofile.io.atomic import whole_files

@@ -10,7 +10,7 @@ import xarray as xr
 
 from trackprofile.contracts.rates import validate_rate
 from trackprofile.contracts.recording import validate_recording
-from trackprofile.contracts.rows import Array, said, steps_of
+from trackprofile.contracts.validation import Array, said, steps_of
 from trackprofile.errors import DataError
 
 
