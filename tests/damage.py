@@ -10,9 +10,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from trackprofile.arrays import recorded_step
 from trackprofile.io.table import write_columns
 from trackprofile.preprocessing.faults import FaultKind
-from trackprofile.preprocessing.motion import recorded_step
 
 Array = np.ndarray
 Columns = dict[str, Array]

@@ -19,9 +19,9 @@ from trackprofile.inference.blocks import band_spreads
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.kalman.smoother import Filter, error_draws, prepare, smooth, start_of_ride
 from trackprofile.kalman.time_steps import build_ride
+from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.statespace import state_space, transfer_function
-from trackprofile.preprocessing.motion import Motion
 
 VELARO, RIGID = read_vehicle("velaro")[0], read_track("rigid")
 GRADES = ("bogie-1ug", "bogie-25ug", "bogie-100ug", "bogie-1mg")

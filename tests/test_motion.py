@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
+from trackprofile.arrays import recorded_step
 from trackprofile.errors import DataError
 from trackprofile.preprocessing.motion import (
     deviation_of_counting,
     motion,
-    recorded_step,
     speed_over_distance,
     speed_over_time,
 )

@@ -29,13 +29,13 @@ from trackprofile.io.model_toml import read_spectrum, read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.kalman.smoother import prepare, smooth, start_of_ride
 from trackprofile.kalman.time_steps import build_ride
+from trackprofile.models.kinematics import Motion
 from trackprofile.models.roll import halves_of, pairs_of, rolling
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import state_space
 from trackprofile.models.track import RigidTrack
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.preprocessing.motion import Motion
 from trackprofile.units import STANDARD_GRAVITY
 from two_rails import random_rails, recorded, response, ride
 

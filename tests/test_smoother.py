@@ -21,12 +21,12 @@ from trackprofile.kalman.smoother import (
     variances,
 )
 from trackprofile.kalman.time_steps import Ride, Steps, build_ride, cut_into_steps
+from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.statespace import StateSpace, generator, state_space
 from trackprofile.models.track import ElasticTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel
-from trackprofile.preprocessing.motion import Motion
 
 Array = np.ndarray
 SPACING = 0.25

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import dst, idst, irfft, rfftfreq
 from scipy.interpolate import CubicSpline
 
+from trackprofile.arrays import runs
 from trackprofile.errors import DataError
 
 FILTER_NAME = "4th-order Butterworth, zero phase, -3 dB at the limits"
@@ -269,15 +270,3 @@ def resample(distance: ArrayLike, values: ArrayLike, at: ArrayLike) -> NDArray[n
         after = np.searchsorted(at, distance[joined.stop], side="right")
         result[first:after] = CubicSpline(distance[piece], values[piece])(at[first:after])
     return result
-
-
-def runs(mask: NDArray[np.bool_]) -> list[slice]:
-    """Where a mask holds without a break.
-
-    Examples
-    --------
-    >>> runs(np.array([True, True, False, True]))
-    [slice(0, 2, None), slice(3, 4, None)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask, [0]]).astype(np.int8)))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -34,11 +34,11 @@ from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Variant
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Flat, random
+from trackprofile.models.kinematics import Motion
 from trackprofile.models.receptance import point_track
 from trackprofile.models.statespace import state_space
 from trackprofile.models.track import Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.preprocessing.motion import Motion
 from trackprofile.reporting import report
 from trackprofile.reproduction.cases import bell, model_b, recorded, ridden
 from trackprofile.simulation.drive import steady

@@ -16,7 +16,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from trackprofile.bands import BANDS, Band, band_pass_pieces, obstacle, resample, runs
+from trackprofile.arrays import runs
+from trackprofile.bands import BANDS, Band, band_pass_pieces, obstacle, resample
 from trackprofile.contracts import known_elevation
 from trackprofile.errors import DataError
 

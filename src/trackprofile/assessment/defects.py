@@ -14,10 +14,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.arrays import runs
 from trackprofile.assessment.exceedance import exceedance_probability
 from trackprofile.assessment.levels import BandLevel
 from trackprofile.assessment.limits import Action, DefectLimits
-from trackprofile.bands import runs
 
 Array = NDArray[np.float64]
 

@@ -11,15 +11,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from trackprofile.arrays import runs
 from trackprofile.assessment.errors_in_band import Colour, colour_of
-from trackprofile.bands import (
-    Band,
-    band_pass_pieces,
-    edge_distance,
-    obstacle,
-    resample,
-    runs,
-)
+from trackprofile.bands import Band, band_pass_pieces, edge_distance, obstacle, resample
 from trackprofile.contracts import Quality
 from trackprofile.errors import DataError
 

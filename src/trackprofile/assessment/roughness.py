@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from trackprofile.bands import runs
+from trackprofile.arrays import runs
 from trackprofile.models.spectrum import PowerLaw, Roughness
 
 Array = NDArray[np.float64]

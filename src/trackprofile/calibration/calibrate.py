@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.calibration.bandwidth import Explained, explained, limited
-from trackprofile.calibration.datasets import Pass, informative, passes_of
+from trackprofile.calibration.datasets import informative, passes_of
 from trackprofile.calibration.fitting import (
     Fit,
     disagreement,
@@ -20,6 +20,7 @@ from trackprofile.calibration.fitting import (
     fitted,
     highest_of,
 )
+from trackprofile.inference.marginal_likelihood import Pass
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import (
     KNOT_SPACING,

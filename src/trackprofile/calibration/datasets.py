@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise, zip_longest
 
 import numpy as np
@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
+from trackprofile.inference.marginal_likelihood import Pass
 from trackprofile.inference.observations import Measured, measured
 from trackprofile.inference.orientation import expect_as_described
 from trackprofile.inference.outliers import said
@@ -29,20 +30,6 @@ ENOUGH = 2500.0
 
 SLOWEST = 3.0
 """m/s: below, accelerations drown in the drift of any sensor."""
-
-
-@dataclass(frozen=True)
-class Pass:
-    """What was measured, the profile under it (None where that is unknown), and which recording it is of."""
-
-    data: Measured
-    known: KnownProfile | None = None
-    number: int = 1
-
-    @property
-    def length(self) -> float:
-        """m that were run."""
-        return float(np.ptp(self.data.motion.distance))
 
 
 def passes_of(

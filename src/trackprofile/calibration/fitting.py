@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from trackprofile.calibration.datasets import Pass, short
+from trackprofile.calibration.datasets import short
 from trackprofile.calibration.identifiability import LITTLE, NOTHING, marginal, told
-from trackprofile.inference.marginal_likelihood import innovations_of, rows_of
+from trackprofile.inference.marginal_likelihood import Pass, innovations_of, rows_of
 from trackprofile.inference.maximum_likelihood import (
     Maximum,
     Progress,

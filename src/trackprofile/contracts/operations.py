@@ -8,9 +8,10 @@ import json
 import numpy as np
 import xarray as xr
 
+from trackprofile.arrays import integral
 from trackprofile.contracts.rates import validate_rate
 from trackprofile.contracts.recording import validate_recording
-from trackprofile.contracts.validation import Array, said, steps_of
+from trackprofile.contracts.validation import said, steps_of
 from trackprofile.errors import DataError
 
 
@@ -88,7 +89,8 @@ def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr
     if from_m is None and to_m is None:
         return dataset
     if "distance" not in dataset:
-        dataset = dataset.assign(distance=("sample", _run_distance(dataset), {"units": "m"}))
+        counted = integral(dataset["speed"].to_numpy(), dataset["time"].to_numpy())
+        dataset = dataset.assign(distance=("sample", counted, {"units": "m"}))
     distance = dataset["distance"].to_numpy()
     low = -np.inf if from_m is None else from_m
     high = np.inf if to_m is None else to_m
@@ -102,8 +104,3 @@ def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr
     piece = dataset.isel({dataset["distance"].dims[0]: inside})
     piece = with_provenance(piece, f"between {low:g} m and {high:g} m")
     return validated(piece)
-
-
-def _run_distance(recording: xr.Dataset) -> Array:
-    time, speed = recording["time"].to_numpy(), recording["speed"].to_numpy()
-    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))])

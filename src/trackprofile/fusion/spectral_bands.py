@@ -15,7 +15,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.fft import dst, idst
 
-from trackprofile.bands import BANDS, gain, runs
+from trackprofile.arrays import runs
+from trackprofile.bands import BANDS, gain
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.bands import runs
+from trackprofile.arrays import runs
 from trackprofile.fusion.combine import without_each
 from trackprofile.fusion.estimator import Trust, weights
 from trackprofile.fusion.rejection import (

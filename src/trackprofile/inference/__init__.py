@@ -1,1 +1,1 @@
-"""From recordings to profiles: the smoother, its limit, and the calibration of vehicles."""
+"""From a recording to a profile, with the uncertainty of every point and every band."""

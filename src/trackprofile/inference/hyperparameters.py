@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.calibration.datasets import Pass
-from trackprofile.inference.marginal_likelihood import innovations_of
+from trackprofile.inference.marginal_likelihood import Pass, innovations_of
 from trackprofile.inference.maximum_likelihood import Progress, maximise
 from trackprofile.inference.observations import (
     USUAL,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.calibration.datasets import Pass
 from trackprofile.inference.observations import (
     USUAL,
     Measured,
@@ -18,6 +17,7 @@ from trackprofile.inference.observations import (
     row_signals,
     start_of,
 )
+from trackprofile.inference.reference import KnownProfile
 from trackprofile.kalman.smoother import innovations
 from trackprofile.models.spectrum import scaled
 
@@ -25,6 +25,20 @@ Array = NDArray[np.float64]
 
 EXACT = scaled(USUAL, 1e-9)
 """Of the error of a profile that is known."""
+
+
+@dataclass(frozen=True)
+class Pass:
+    """What was measured, the profile under it (None where that is unknown), and which recording it is of."""
+
+    data: Measured
+    known: KnownProfile | None = None
+    number: int = 1
+
+    @property
+    def length(self) -> float:
+        """m that were run."""
+        return float(np.ptp(self.data.motion.distance))
 
 
 def innovations_of(passes: Sequence[Pass], model: Model) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from trackprofile.contracts.validation import steps_of
 from trackprofile.errors import DataError, ModelError
 from trackprofile.kalman.smoother import Filter, Start, prepare, start_of_ride
 from trackprofile.kalman.time_steps import Ride, Walk, build_ride, with_offsets
+from trackprofile.models.kinematics import Motion, along_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import FILTER_STATES, StateSpace, state_space
@@ -30,7 +31,7 @@ from trackprofile.preprocessing.faults import (
     find_faults,
     samples_of,
 )
-from trackprofile.preprocessing.motion import Motion, along_track, motion
+from trackprofile.preprocessing.motion import motion
 from trackprofile.preprocessing.mounting import Upright, freed_of_gravity
 
 Array = NDArray[np.float64]

@@ -24,7 +24,8 @@ def facing(
     Raises
     ------
     DataError
-        See :func:`trackprofile.inference.channel_assignment.rewired` and `trackprofile.inference.rail_decomposition.by_rail`.
+        See `trackprofile.inference.channel_assignment.rewired` and
+        `trackprofile.inference.rail_decomposition.by_rail`.
     """
 
     def ahead(turned: bool) -> Vehicle:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.bands import runs
+from trackprofile.arrays import runs
 from trackprofile.inference.observations import Measured, Model
 from trackprofile.kalman.robust import LOUDER, Weights
 from trackprofile.kalman.time_steps import Ride

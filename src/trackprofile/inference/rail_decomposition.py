@@ -2,8 +2,8 @@
 
 On a car that is alike on both sides the two are independent: noises of equal density left and right have independent
 sums and differences. So each is inferred by itself, by the same smoother, on the car and on the rolling car
-(:mod:`trackprofile.models.roll`), and r_L = m + c/2, r_R = m - c/2. Where noises are not alike the errors of m and c hang
-together: then the uncertainty of either rail allows for the worse sign.
+(:mod:`trackprofile.models.roll`), and r_L = m + c/2, r_R = m - c/2. Where noises are not alike the errors of m and c
+hang together: then the uncertainty of either rail allows for the worse sign.
 """
 
 from __future__ import annotations

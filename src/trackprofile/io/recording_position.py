@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.arrays import recorded_step
 from trackprofile.errors import DataError
 from trackprofile.io import table
 from trackprofile.io.chainage_table import read_way
@@ -24,7 +25,6 @@ from trackprofile.positioning.sources import (
     Sources,
     unwrapped,
 )
-from trackprofile.preprocessing.motion import recorded_step
 from trackprofile.preprocessing.resampling import Series
 from trackprofile.units import unit_factor
 

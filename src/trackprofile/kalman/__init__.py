@@ -1,0 +1,1 @@
+"""Linear-Gaussian inference in state-space form: filter, smoother, draws, robust reweighting."""

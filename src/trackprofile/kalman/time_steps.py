@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.kalman.transition_kernels import COLUMNS, bays
+from trackprofile.models.kinematics import Motion
 from trackprofile.models.statespace import StateSpace, step_table
-from trackprofile.preprocessing.motion import Motion
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

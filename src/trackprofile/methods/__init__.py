@@ -1,0 +1,1 @@
+"""Published methods of finding the profile, beside the smoother."""

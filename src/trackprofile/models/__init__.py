@@ -1,0 +1,1 @@
+"""The physics as data and linear algebra: vehicles, tracks, sensors, spectra, state space."""

@@ -1,0 +1,1 @@
+"""Distance along the line, with its uncertainty, from satellites, odometer and kilometre posts."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.arrays import integral
 from trackprofile.kalman.chain import Chain, Smoothed, log_likelihood, smooth
-from trackprofile.preprocessing.motion import integral
 
 Array = NDArray[np.float64]
 

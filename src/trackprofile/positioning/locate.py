@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.bands import runs
+from trackprofile.arrays import runs
 from trackprofile.errors import DataError
 from trackprofile.positioning.map_matching import AROUND, Placed, placed, run_of
 from trackprofile.positioning.position_model import COMMON, FAR, Assumed

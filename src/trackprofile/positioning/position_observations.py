@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from trackprofile.bands import runs
+from trackprofile.arrays import runs
 from trackprofile.positioning.sources import Fixes, Posts, Rolled, Shown
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.arrays import integral
 from trackprofile.errors import DataError
-from trackprofile.preprocessing.motion import integral
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.bands import runs
-from trackprofile.preprocessing.motion import recorded_step
+from trackprofile.arrays import recorded_step, runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

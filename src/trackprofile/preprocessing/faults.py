@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, median_filter
 
-from trackprofile.bands import runs
+from trackprofile.arrays import runs
 from trackprofile.contracts import channels
 from trackprofile.preprocessing.fault_detectors import (
     at_end_of_range,

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.interpolate import pchip_interpolate as pchip
 from scipy.linalg import solveh_banded
 
+from trackprofile.arrays import integral, recorded_step
 from trackprofile.errors import DataError
+from trackprofile.models.kinematics import Motion
 
 Array = NDArray[np.float64]
 
@@ -33,29 +33,6 @@ OUTSIDE = 0.55
 
 FEWEST = 12
 """Times between changes of a record that tell how often it is renewed."""
-
-MOST_DISTINCT = 0.2
-"""Share of distinct values up to which a channel counts as recorded in steps."""
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Time (s), distance (m), speed (m/s) and acceleration (m/s²) at the samples, each (n,)."""
-
-    time: Array
-    distance: Array
-    speed: Array
-    acceleration: Array
-
-
-def along_track(recorded: Motion, origin: float, scale: float) -> Motion:
-    """The motion with ``scale`` true metres to a recorded one, of a point ``origin`` m ahead."""
-    return Motion(
-        recorded.time,
-        scale * recorded.distance + origin,
-        scale * recorded.speed,
-        scale * recorded.acceleration,
-    )
 
 
 def motion(recording: xr.Dataset) -> Motion:
@@ -178,20 +155,6 @@ def _means(at: Array, values: Array, count: int) -> tuple[Array, Array]:
     return place, value
 
 
-def recorded_step(values: Array) -> float:
-    """The step in which values were recorded; 0 where they are as good as continuous.
-
-    Examples
-    --------
-    >>> recorded_step(np.repeat([10.0, 10.5, 11.0, 11.5], 10))
-    0.5
-    """
-    distinct = np.unique(values)
-    if len(distinct) < 2 or len(distinct) > MOST_DISTINCT * len(values):
-        return 0.0
-    return float(np.min(np.diff(distinct)))
-
-
 def _within_steps(values: Array, at: Array, step: Array, interval: Array, walk: Array) -> Array:
     """What was recorded in steps, smoothed: by where its record changes, which is halfway from one step to the next.
 
@@ -300,14 +263,3 @@ def _smooth(values: Array, at: Array, noise: Array, walk: Array) -> Array:
 
 def _variable(recording: xr.Dataset, name: str) -> Array | None:
     return recording[name].to_numpy().astype(np.float64) if name in recording else None
-
-
-def integral(values: Array, at: Array) -> Array:
-    """Of values at places or times, (n,), from the first on, (n,), by the trapezoidal rule.
-
-    Examples
-    --------
-    >>> integral(np.array([1.0, 3.0, 3.0]), np.array([0.0, 1.0, 3.0]))
-    array([0., 2., 8.])
-    """
-    return np.concatenate([[0.0], np.cumsum(np.diff(at) * 0.5 * (values[1:] + values[:-1]))])

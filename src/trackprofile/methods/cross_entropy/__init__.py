@@ -1,0 +1,1 @@
+"""Cross-entropy optimisation of the profile, window by window (paper, section 3)."""

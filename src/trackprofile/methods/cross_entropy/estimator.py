@@ -32,10 +32,10 @@ from trackprofile.methods.cross_entropy.search import (
     Variant,
 )
 from trackprofile.models.integrate import wilson
+from trackprofile.models.kinematics import along_track
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.preprocessing.motion import along_track
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from trackprofile.errors import DataError
 from trackprofile.inference.observations import Measured, own_acceleration
 from trackprofile.methods.cross_entropy.search import Search
+from trackprofile.models.kinematics import along_track
 from trackprofile.models.sensor import Installation
-from trackprofile.preprocessing.motion import along_track
 
 Array = NDArray[np.float64]
 

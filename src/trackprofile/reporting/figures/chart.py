@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from trackprofile.bands import D1, D2, Band, band_pass_pieces, resample, runs
+from trackprofile.arrays import runs
+from trackprofile.bands import D1, D2, Band, band_pass_pieces, resample
 from trackprofile.contracts import (
     Channel,
     Rail,
