@@ -14,7 +14,7 @@ from trackprofile.bands import BANDS
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.models.irregularity import random
-from trackprofile.store import Entry, Origin, Place, Store, add
+from trackprofile.store import Entry, Origin, PassKey, Store, add
 
 EN, SPEED = read_limits("en-13848"), 140 / 3.6
 MAIN, UP = "Main <b>line</b> & <img src=x onerror=document.title='taken'>", "up"
@@ -77,7 +77,7 @@ def seen(
     )
 
 
-def put(store: Store, place: Place, profile: xr.Dataset, vehicle: str = "velaro") -> Entry:
+def put(store: Store, place: PassKey, profile: xr.Dataset, vehicle: str = "velaro") -> Entry:
     """Judge a profile and store it."""
     name = f"{place.line} {place.direction} {place.day} {place.run}"
     origin = Origin(
@@ -91,7 +91,7 @@ def fill(store: Store, passes: int = 4) -> None:
     """Monthly passes over one line, the third with a gap; two trains on one day over another."""
     for month in range(passes):
         day = FIRST + timedelta(days=30 * month)
-        put(store, Place(MAIN, UP, day, "<i>06:12</i>"), seen(month, zero=START, gap=month == 2))
+        put(store, PassKey(MAIN, UP, day, "<i>06:12</i>"), seen(month, zero=START, gap=month == 2))
     for run, first in (("early", 0.0), ("late", 2000.0)):
         piece = seen(0, 2500.0, first=first, seed=5)
-        put(store, Place(BRANCH, DOWN, FIRST, run), piece, vehicle="coach <script>1</script>")
+        put(store, PassKey(BRANCH, DOWN, FIRST, run), piece, vehicle="coach <script>1</script>")

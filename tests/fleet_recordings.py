@@ -14,7 +14,7 @@ from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import random
 from trackprofile.models.receptance import point_track
 from trackprofile.simulation.drive import Drive
-from trackprofile.simulation.simulate import Run, Simulation, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, Simulation, felt, simulate
 
 VEHICLES = ("velaro", "multiple-unit", "intercity-coach")
 SPEEDS = (24.0, 31.0, 38.0)  # m/s, mean
@@ -41,7 +41,11 @@ def ride(number: int, length: float) -> Ride:
     drive = Drive(tuple(times.tolist()), tuple(swing.tolist()))
     level = random(read_spectrum("german-low"), 5, 1.5, 250.0, length=length + 2 * RUN_IN)
     made = simulate(
-        vehicle, track, level, Run(0.0, length, drive, run_in=RUN_IN, every=EVERY), newmark(STEP)
+        vehicle,
+        track,
+        level,
+        RunSettings(0.0, length, drive, run_in=RUN_IN, every=EVERY),
+        newmark(STEP),
     )
     return Ride(name, made, tuple(felt(made, vehicle, sensor) for sensor in SENSORS))
 

@@ -15,7 +15,7 @@ from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import Track
 from trackprofile.simulation.drive import Drive, steady
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, felt, simulate
 
 VELARO = read_vehicle("velaro")[0]
 LAYERED = read_track("zhai-layered")
@@ -29,7 +29,7 @@ def recorded(
 ) -> tuple[xr.Dataset, xr.Dataset]:  # fmt: skip
     """The simulation's signals with noise, every 2 ms, and the unloaded profile, of waves from ``shortest`` m."""
     irregularity = random(spectrum, seed, shortest, 300.0, length=length + 500.0)
-    run = Run(0.0, length, drive, run_in=200.0, every=round(1 / SAMPLING / STEP))
+    run = RunSettings(0.0, length, drive, run_in=200.0, every=round(1 / SAMPLING / STEP))
     made = simulate(VELARO, track, irregularity, run, newmark(STEP))
     generator = np.random.default_rng(seed)
     channels = []

@@ -25,7 +25,7 @@ from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.bands import BANDS, gain
 from trackprofile.contracts import Quality, build_profile, fingerprint
 from trackprofile.io.model_toml import presets, read_roughness
-from trackprofile.store import Added, Origin, Place, Store
+from trackprofile.store import AddResult, Origin, PassKey, Store
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ class Network:
 
 def fill(
     store: Store, network: Network, told: Callable[[int, int], None] | None = None
-) -> tuple[Added, ...]:
+) -> tuple[AddResult, ...]:
     """Add all passes of a network, each assessed as any other."""
     limits = read_limits("en-13848")
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
@@ -139,7 +139,7 @@ def fill(
                     fingerprint(piece), f"run-{line}-{number}.nc", piece.attrs["vehicle"], "smoother", "rigid",
                     "german-low", limits.name, SPEED, hashlib.sha256(b"simulated").hexdigest()[:16],
                 )  # fmt: skip
-                place = Place(network.name(line), "up", network.day(number), "06:12")
+                place = PassKey(network.name(line), "up", network.day(number), "06:12")
                 found = assess(piece, limits, SPEED, spectra=spectra)
                 added.append(stores.add(store, place, piece, found, origin))
             if told:

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from trackprofile.assessment.trend import Pass
+from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, band_pass, edge_distance, gain
 from trackprofile.contracts import build_profile, known_elevation
 from trackprofile.fusion.fuse import Fused
@@ -125,7 +125,7 @@ class Train:
     distortion: tuple[float, float] = (0.0, 0.0)
 
 
-def passing(line: Line, train: Train) -> Pass:
+def passing(line: Line, train: Train) -> DatedProfile:
     """The pass of a train, with its distances as its odometer counts them."""
     S, N = prior(line), noise(train.vehicle, train.sensors, train.speed, line)
     with np.errstate(invalid="ignore"):
@@ -165,7 +165,7 @@ def passing(line: Line, train: Train) -> Pass:
         },
         vehicle=train.vehicle,
     )
-    return Pass(profile, FIRST + timedelta(days=train.day), name)
+    return DatedProfile(profile, FIRST + timedelta(days=train.day), name)
 
 
 def _near(omega: Array, length: float) -> Array:

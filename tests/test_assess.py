@@ -11,7 +11,7 @@ from scipy.special import ndtr
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.errors_in_band import Colour, colour_of
 from trackprofile.assessment.exceedance import exceedance_probability
-from trackprofile.assessment.levels import Reason, band_levels
+from trackprofile.assessment.levels import NotAssessedReason, band_levels
 from trackprofile.assessment.limits import Action, DefectLimits, Limits, QualityClasses
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.assessment.roughness import psd
@@ -276,10 +276,10 @@ def test_what_is_not_trustworthy_is_not_assessed_and_is_listed() -> None:
     found = assess(profile, EN, 80 * KM_H, bands=[D1])
     edge = edge_distance(D1)
     stretches = {(round(one.start), round(one.end)): one.reasons for one in found.not_assessed}
-    assert stretches[(400, 410)] is Reason.GAP
-    assert stretches[(410, round(410 + edge))] is Reason.EDGE
-    assert stretches[(600, 625)] is Reason.SLOW
-    assert stretches[(round(800 - edge), round(800.5 + edge))] is Reason.SATURATED
+    assert stretches[(400, 410)] is NotAssessedReason.GAP
+    assert stretches[(410, round(410 + edge))] is NotAssessedReason.EDGE
+    assert stretches[(600, 625)] is NotAssessedReason.SLOW
+    assert stretches[(round(800 - edge), round(800.5 + edge))] is NotAssessedReason.SATURATED
     for one in found.defects:
         for (start, end), _ in stretches.items():
             assert one.peak <= start + 0.5 or one.peak >= end - 0.5

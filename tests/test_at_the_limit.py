@@ -14,11 +14,17 @@ import pytest
 from scipy.signal import periodogram
 
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.inference.accuracy_limit import limit
+from trackprofile.inference.accuracy_bound import accuracy_bound
 from trackprofile.inference.blocks import band_spreads
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.kalman.smoother import Filter, error_draws, prepare, smooth, start_of_ride
-from trackprofile.kalman.time_steps import build_ride
+from trackprofile.kalman.smoother import (
+    KalmanGains,
+    error_draws,
+    initial_state,
+    kalman_gains,
+    smooth,
+)
+from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.statespace import state_space, transfer_function
@@ -30,18 +36,18 @@ BETWEEN = SPEED / SAMPLING  # m from sample to sample: three to a knot
 SHORTEST = 0.5  # m, of the simulated waves
 
 
-def smoother_of(sensors: Sequence[Sensor], prior: str, samples: int) -> Filter:
+def smoother_of(sensors: Sequence[Sensor], prior: str, samples: int) -> KalmanGains:
     """The smoother for that car, with the noise that the sensors state, the true prior and offsets."""
     spectrum = read_spectrum(prior)
     system = state_space(VELARO, RIGID, sensors)
     time, still = np.arange(samples) / SAMPLING, np.zeros(samples)
     moved = Motion(time, SPEED * time, still + SPEED, still)
-    ride = build_ride(system, moved, np.ones((samples, len(sensors)), bool), KNOTS)
+    ride = discretise_run(system, moved, np.ones((samples, len(sensors)), bool), KNOTS)
     offsets = np.array([sensor.offset_standard_deviation for sensor in sensors])
     density = np.array([sensor.noise_density for sensor in sensors], dtype=np.float64)
     variance = (density**2 * SAMPLING / 2)[ride.sensors]
     others = np.r_[np.sqrt(system.flicker), offsets]
-    return prepare(ride, spectrum, variance, start_of_ride(system, spectrum, ride, others))
+    return kalman_gains(ride, spectrum, variance, initial_state(system, spectrum, ride, others))
 
 
 def simulated(
@@ -127,7 +133,7 @@ def outcome(
     middle = slice(round(425 / KNOTS), -round(425 / KNOTS))  # where D3 is free of the ends
     return Outcome(
         spectral_rms(errors[:, round(200 / KNOTS) : -round(200 / KNOTS)]),
-        limit(VELARO, RIGID, sensors, SPEED, read_spectrum(prior)),
+        accuracy_bound(VELARO, RIGID, sensors, SPEED, read_spectrum(prior)),
         {b.name: rms(band_pass(errors, KNOTS, b)[:, middle]) for b in BANDS},
         {b.name: rms(stated[b.name][middle]) for b in BANDS},
     )

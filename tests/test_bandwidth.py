@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trackprofile.calibration.bandwidth import explained, limited
+from trackprofile.calibration.bandwidth import limit_bandwidth, spectral_fit
 from trackprofile.calibration.calibrate import calibrate
-from trackprofile.calibration.datasets import informative, passes_of, short
-from trackprofile.calibration.identifiability import marginal, told
+from trackprofile.calibration.datasets import calibration_runs, most_informative, shortened
+from trackprofile.calibration.identifiability import identified, marginal
 from trackprofile.calibration.likelihood_profiles import likelihood_profiles
 from trackprofile.contracts import Channel, between, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, UndeterminedError
-from trackprofile.inference.observations import Model, measured
+from trackprofile.inference.observations import Model, observations
 from trackprofile.inference.parameters import vehicle_parameters
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
@@ -39,8 +39,8 @@ def model(spectrum=SPECTRUM, vehicle=VELARO) -> Model:
 
 
 def test_level_of_the_profile_is_told_by_the_spectra_of_the_signals(recording: xr.Dataset) -> None:
-    data = [measured(recording, Installation())]
-    _, found = explained(data, model(scaled(SPECTRUM, 30.0)))
+    data = [observations(recording, Installation())]
+    _, found = spectral_fit(data, model(scaled(SPECTRUM, 30.0)))
     ratio = found.density(np.array([1.0])) / SPECTRUM.density(np.array([1.0]))
     assert ratio == pytest.approx(1.0, rel=0.3)
 
@@ -59,8 +59,8 @@ def test_usable_band_ends_where_noise_drowns_the_track(recording: xr.Dataset) ->
             time=recording["time"].to_numpy(),
             speed=recording["speed"].to_numpy(),
         )
-        part = explained(
-            [measured(loud, Installation())], replace(model(), sensors=tuple(SENSORS[:1]))
+        part = spectral_fit(
+            [observations(loud, Installation())], replace(model(), sensors=tuple(SENSORS[:1]))
         )[0][0]
         assert np.sqrt(part.noise[0]) < 1.5 * max(density, 0.05)
         ends.append(part.highest)
@@ -72,16 +72,16 @@ def test_what_lies_in_the_band_is_kept_and_what_lies_above_is_cut() -> None:
     low, high = np.sin(2 * np.pi * 3.0 * time), np.sin(2 * np.pi * 40.0 * time)
     channel = Channel("a", low + high, "vertical acceleration", "leading bogie", 0.0)
     speed = np.full(time.size, 40.0)
-    data = measured(
+    data = observations(
         build_recording([channel], time=time, distance=40.0 * time, speed=speed), Installation()
     )
-    cut = limited(data, [10.0])
+    cut = limit_bandwidth(data, [10.0])
     at, valid = cut.motion.time, cut.valid[:, 0]
     assert at.size == pytest.approx(time.size * 25 / 500, rel=0.02)
     assert valid.mean() > 0.95
     kept = cut.signals[valid, 0] - np.sin(2 * np.pi * 3.0 * at[valid])
     assert np.abs(kept).max() < 3e-3
-    assert limited(data, [200.0]).signals.shape == data.signals.shape
+    assert limit_bandwidth(data, [200.0]).signals.shape == data.signals.shape
 
 
 def test_a_run_too_short_or_too_slow_is_refused(recording: xr.Dataset) -> None:
@@ -140,24 +140,24 @@ def test_recordings_of_two_vehicles_under_one_name_are_told_apart() -> None:
 
 
 def test_long_recordings_are_thinned_to_stretches_of_all_speeds(recording: xr.Dataset) -> None:
-    passes, _ = passes_of([recording], None, VELARO, Installation())
-    some, notes = informative(passes, most=1000.0)
+    passes, _ = calibration_runs([recording], None, VELARO, Installation())
+    some, notes = most_informative(passes, most=1000.0)
     assert sum(one.length for one in some) == pytest.approx(1000.0, rel=0.05)
     assert "were used: those that tell most" in notes[0]
-    assert informative(passes, most=5000.0) == (passes, [])
-    assert sum(one.length for one in short(passes, 300.0)) == pytest.approx(300.0, rel=0.05)
+    assert most_informative(passes, most=5000.0) == (passes, [])
+    assert sum(one.length for one in shortened(passes, 300.0)) == pytest.approx(300.0, rel=0.05)
 
 
 def test_null_direction_is_named_by_its_parameters() -> None:
     mass, stiffness = vehicle_parameters(model())[:2]
     # Only the difference of the logarithms is told: mass over stiffness.
     information = 1e4 * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    left, notes = told(information, [mass, stiffness], 1.0, asked=False)
+    left, notes = identified(information, [mass, stiffness], 1.0, asked=False)
     assert len(left) == 1
     assert mass.name in notes[0]
     assert stiffness.name in notes[0]
     with pytest.raises(UndeterminedError, match="only together, not each"):
-        told(information, [mass, stiffness], 1.0, asked=True)
+        identified(information, [mass, stiffness], 1.0, asked=True)
 
 
 def test_marginal_information_is_the_inverse_of_the_joint_covariance() -> None:
@@ -177,7 +177,7 @@ def test_low_pass_of_the_fastest_band_is_that_of_the_model() -> None:
         run = build_recording(
             [channel], time=time, distance=40.0 * time, speed=np.full(time.size, 40.0)
         )
-        thin = limited(measured(run, Installation()), [30.0])
+        thin = limit_bandwidth(observations(run, Installation()), [30.0])
         assert thin.low_pass == (15.0,)
         assert thin.motion.time.size == pytest.approx(20.0 * 75.0, rel=0.12)
         s = 1j * frequency / 15.0

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from trackprofile.kalman.chain import Chain, log_likelihood, smooth
+from trackprofile.kalman.chain import GaussMarkovChain, log_likelihood, smooth_chain
 
 Array = np.ndarray
 
@@ -21,7 +21,7 @@ class Case:
     ``states`` (n m, n m) and ``start`` (n m, signals) are the prior of all nodes' states in a row.
     """
 
-    chain: Chain
+    chain: GaussMarkovChain
     values: Array
     variance: Array
     states: Array
@@ -48,7 +48,7 @@ def case(seed: int, n: int, m: int, count: int, signals: int) -> Case:
     mean = generator.standard_normal((m, signals))
     node = np.sort(generator.integers(0, n, count))
     h = generator.standard_normal((count, m))
-    chain = Chain(mean, 2.0 * np.eye(m), F, Q, node, h)
+    chain = GaussMarkovChain(mean, 2.0 * np.eye(m), F, Q, node, h)
     variance = generator.uniform(0.1, 2.0, count)
     reach = np.zeros((n - 1, n * m, m))
     states = np.zeros((n * m, n * m))
@@ -83,7 +83,7 @@ CASES = st.builds(
 @settings(max_examples=15)
 @given(CASES)
 def test_posterior_is_that_of_dense_least_squares(one: Case) -> None:
-    found = smooth(one.chain, one.values, one.variance)
+    found = smooth_chain(one.chain, one.values, one.variance)
     n, m = found.state.shape[:2]
     # Whitened equations: the start, the steps, the readings.
     root = np.linalg.inv(np.linalg.cholesky(one.states))
@@ -100,7 +100,7 @@ def test_posterior_is_that_of_dense_least_squares(one: Case) -> None:
 @settings(max_examples=15)
 @given(CASES)
 def test_each_reading_is_told_by_all_the_others(one: Case) -> None:
-    found = smooth(one.chain, one.values, one.variance)
+    found = smooth_chain(one.chain, one.values, one.variance)
     S, e = one.covariance, one.innovation
     for r in range(len(e)):
         others = np.arange(len(e)) != r
@@ -113,7 +113,7 @@ def test_each_reading_is_told_by_all_the_others(one: Case) -> None:
 @settings(max_examples=15)
 @given(CASES)
 def test_score_is_the_slope_of_the_likelihood_over_a_jump(one: Case) -> None:
-    found = smooth(one.chain, one.values, one.variance)
+    found = smooth_chain(one.chain, one.values, one.variance)
     inverse = np.linalg.inv(one.covariance)
     for k, effect in enumerate(one.rows @ one.reach):
         np.testing.assert_allclose(found.score[k], effect.T @ inverse @ one.innovation, atol=1e-7)
@@ -134,6 +134,6 @@ def test_likelihood_is_that_of_a_normal_distribution(one: Case) -> None:
 @given(CASES, st.floats(-3.0, 3.0))
 def test_smoothing_is_linear(one: Case, factor: float) -> None:
     centred = replace(one.chain, mean=0.0 * one.chain.mean)
-    once = smooth(centred, one.values, one.variance).state
-    scaled = smooth(centred, factor * one.values, one.variance).state
+    once = smooth_chain(centred, one.values, one.variance).state
+    scaled = smooth_chain(centred, factor * one.values, one.variance).state
     np.testing.assert_allclose(scaled, factor * once, atol=1e-9)

@@ -10,29 +10,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.chainage_table import read_way
-from trackprofile.positioning.chainage import Way
+from trackprofile.io.chainage_table import read_chainage
+from trackprofile.positioning.chainage import ChainageTable
 
 
 def test_without_posts_a_kilometre_has_1000_m() -> None:
-    assert Way().name(1234.0) == "km 1.234"
-    assert not Way().has_coordinates
+    assert ChainageTable().name(1234.0) == "km 1.234"
+    assert not ChainageTable().has_coordinates
 
 
 def test_between_posts_the_kilometrage_runs_evenly_and_beyond_them_by_metres() -> None:
-    way = Way([100.0, 1108.0, 2100.0], [12.0, 13.0, 14.0])
+    way = ChainageTable([100.0, 1108.0, 2100.0], [12.0, 13.0, 14.0])
     assert way.kilometres([100.0, 604.0, 1108.0, 2100.0, 2600.0, 0.0]) == pytest.approx(
         [12.0, 12.5, 13.0, 14.0, 14.5, 11.9]
     )
 
 
 def test_kilometrage_jumps_where_two_posts_stand_at_one_place() -> None:
-    way = Way([0.0, 1000.0, 1000.0, 3000.0], [5.0, 6.0, 6.3, 8.3])
+    way = ChainageTable([0.0, 1000.0, 1000.0, 3000.0], [5.0, 6.0, 6.3, 8.3])
     assert way.kilometres([999.0, 1000.0, 1001.0]) == pytest.approx([5.999, 6.3, 6.301])
 
 
 def test_kilometrage_may_fall_along_the_way() -> None:
-    way = Way([0.0, 1000.0], [6.0, 5.0])
+    way = ChainageTable([0.0, 1000.0], [6.0, 5.0])
     assert way.direction == "against the kilometrage"
     assert way.kilometres([-100.0, 250.0, 1100.0]) == pytest.approx([6.1, 5.75, 4.9])
 
@@ -40,12 +40,12 @@ def test_kilometrage_may_fall_along_the_way() -> None:
 @given(st.floats(-1e4, 2e4))
 def test_no_post_moves_a_place_by_more_than_the_posts_do(distance: float) -> None:
     posts = np.array([0.0, 990.0, 2010.0, 3000.0])
-    way = Way(posts, [7.0, 8.0, 9.0, 10.0])
+    way = ChainageTable(posts, [7.0, 8.0, 9.0, 10.0])
     assert abs(float(way.kilometres(distance)) - 7.0 - distance / 1000) <= 0.0101
 
 
 def test_coordinates_cross_the_date_line_and_end_where_they_are_known() -> None:
-    way = Way((), (), [0.0, 1000.0], [60.0, 60.2], [179.99, -179.99])
+    way = ChainageTable((), (), [0.0, 1000.0], [60.0, 60.2], [179.99, -179.99])
     latitude, longitude = way.coordinates([250.0, 500.0, 750.0, 1200.0])
     assert latitude[:3] == pytest.approx([60.05, 60.1, 60.15])
     assert longitude[:3] == pytest.approx([179.995, -180.0, -179.995])
@@ -58,7 +58,7 @@ def test_table_with_posts_and_points_is_read(tmp_path: Path) -> None:
     file.write_text(
         "distance_m,kilometre,latitude_deg,longitude_deg\n0,12,,\n500,,47.1,8.2\n1000,13,47.2,8.3\n"
     )
-    way = read_way(file)
+    way = read_chainage(file)
     assert way.name(500.0) == "km 12.500"
     assert way.coordinates(500.0)[0] == pytest.approx(47.1)
 
@@ -82,9 +82,9 @@ def test_way_that_cannot_be_is_refused_with_its_row(
     file = tmp_path / "way.csv"
     file.write_text(text)
     with pytest.raises(DataError, match=message):
-        read_way(file)
+        read_chainage(file)
 
 
 def test_missing_way_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="expected a table of the way"):
-        read_way(tmp_path / "none.csv")
+        read_chainage(tmp_path / "none.csv")

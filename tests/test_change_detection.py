@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackprofile.fusion.change_detection import moving
+from trackprofile.fusion.change_detection import detect_changes
 
 COUNT = 1200
 
@@ -23,7 +23,10 @@ INDEPENDENT = 2 * COUNT * (1 / 4 - 1 / 16)
 
 
 def test_noise_moves_nothing() -> None:
-    found = [moving(coloured(seed), np.ones(COUNT), EVERYWHERE, INDEPENDENT) for seed in range(40)]
+    found = [
+        detect_changes(coloured(seed), np.ones(COUNT), EVERYWHERE, INDEPENDENT)
+        for seed in range(40)
+    ]
     assert np.mean([one.probability.max() > 0.5 for one in found]) <= 0.05
 
 
@@ -31,7 +34,7 @@ def test_a_place_that_moves_is_found_where_it_does() -> None:
     for seed in range(5):
         rate = coloured(seed)
         rate[600:620] += 12 * np.sin(2 * np.pi * np.arange(20) / 8)
-        found = moving(rate, np.ones(COUNT), EVERYWHERE, INDEPENDENT)
+        found = detect_changes(rate, np.ones(COUNT), EVERYWHERE, INDEPENDENT)
         assert found.probability[605:615].min() > 0.9
         assert found.probability[:500].mean() < 0.01
         assert found.kept[610] > 0.8
@@ -39,7 +42,7 @@ def test_a_place_that_moves_is_found_where_it_does() -> None:
 
 def test_track_that_moves_all_along_is_believed_by_as_much_as_it_exceeds_the_noise() -> None:
     rate = coloured(1) + 3 * coloured(2)
-    found = moving(rate, np.ones(COUNT), EVERYWHERE, INDEPENDENT)
+    found = detect_changes(rate, np.ones(COUNT), EVERYWHERE, INDEPENDENT)
     believed = np.mean(found.probability * found.kept)
     assert abs(believed - 9 / 10) < 0.05  # Wiener's gain
 
@@ -48,4 +51,6 @@ def test_where_nothing_is_known_nothing_moves() -> None:
     known = EVERYWHERE.copy()
     known[300:500] = False
     rate = coloured(3) + 5 * coloured(4)
-    assert (moving(rate, np.ones(COUNT), known, INDEPENDENT).probability[300:500] == 0).all()
+    assert (
+        detect_changes(rate, np.ones(COUNT), known, INDEPENDENT).probability[300:500] == 0
+    ).all()

@@ -13,8 +13,8 @@ import xarray as xr
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
-from trackprofile.inference.channel_assignment import rewired
-from trackprofile.inference.observations import Measured, measured
+from trackprofile.inference.channel_assignment import assign_channels
+from trackprofile.inference.observations import Observations, observations
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
@@ -32,19 +32,19 @@ def recorded(sensors: Sequence[Sensor]) -> xr.Dataset:
     return simulated(VELARO, ZHAI, tuple(sensors), read_spectrum("german-low"), 600.0, 1)[0]
 
 
-def as_wired(recording: xr.Dataset, parts: Sequence[Channel]) -> Measured:
+def as_wired(recording: xr.Dataset, parts: Sequence[Channel]) -> Observations:
     made = build_recording(
         parts, time=recording["time"].to_numpy(), speed=recording["speed"].to_numpy()
     )
-    return rewired(measured(made, Installation()), VELARO, ZHAI)
+    return assign_channels(observations(made, Installation()), VELARO, ZHAI)
 
 
 def test_good_recording_is_left_as_it_is_even_with_a_vehicle_that_is_30_percent_off() -> None:
-    data = measured(recorded(THREE), Installation())
+    data = observations(recorded(THREE), Installation())
     values = zip(parameter_values(VELARO).items(), cycle([1.3, 0.7]), strict=False)
     off = with_parameters(VELARO, {name: factor * value for (name, value), factor in values})
     for car in (VELARO, off):
-        assert rewired(data, car, ZHAI) is data
+        assert assign_channels(data, car, ZHAI) is data
 
 
 @pytest.mark.parametrize("exchanged", [(0, 1), (0, 2), (1, 2)])
@@ -57,7 +57,7 @@ def test_exchanged_channels_are_put_right_and_said(exchanged: tuple[int, int]) -
         replace(parts[j], values=parts[i].values),
     )
     found = as_wired(recording, parts)
-    true = measured(recording, Installation())
+    true = observations(recording, Installation())
     np.testing.assert_array_equal(found.signals, true.signals)
     assert {one.kind for one in found.faults} == {FaultKind.EXCHANGED}
     assert "are exchanged" in found.notes[0]
@@ -69,7 +69,7 @@ def test_turned_sign_of_one_of_three_is_put_right_and_said(turned: int) -> None:
     parts = list(channels(recording))
     parts[turned] = replace(parts[turned], values=-parts[turned].values)
     found = as_wired(recording, parts)
-    np.testing.assert_array_equal(found.signals, measured(recording, Installation()).signals)
+    np.testing.assert_array_equal(found.signals, observations(recording, Installation()).signals)
     assert [one.channel for one in found.faults] == [parts[turned].name]
 
 
@@ -85,10 +85,10 @@ def test_accelerometer_and_gyro_that_are_exchanged_are_put_right() -> None:
     first, second = channels(recording)
     parts = [replace(first, values=second.values), replace(second, values=first.values)]
     found = as_wired(recording, parts)
-    np.testing.assert_array_equal(found.signals, measured(recording, Installation()).signals)
+    np.testing.assert_array_equal(found.signals, observations(recording, Installation()).signals)
 
 
 def test_one_channel_alone_tells_nothing() -> None:
     recording = recorded(THREE[:1])
-    data = measured(recording, Installation())
-    assert rewired(data, VELARO, ZHAI) is data
+    data = observations(recording, Installation())
+    assert assign_channels(data, VELARO, ZHAI) is data

@@ -13,7 +13,7 @@ import xarray as xr
 from conftest import Run
 from passing_trains import FIRST, Line, Train, fleet, passing
 from trackprofile import read, write
-from trackprofile.assessment.trend import Pass
+from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import resample
 from trackprofile.contracts import build_profile
 from trackprofile.fusion.fuse import fuse
@@ -98,7 +98,7 @@ def test_a_line_keeps_its_rate_in_every_format_and_is_no_pass(
 ) -> None:
     given = [read(folder / f"{number}.nc") for number in range(3)]
     days = [FIRST + timedelta(days=15 * number) for number in range(3)]
-    passes = [Pass(one, day, str(day)) for one, day in zip(given, days, strict=True)]
+    passes = [DatedProfile(one, day, str(day)) for one, day in zip(given, days, strict=True)]
     made = fuse(passes).profile
     line = tmp_path / name
     write(made, line)

@@ -15,7 +15,7 @@ from trackprofile.io.model_toml import read_track, read_vehicle
 from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
 from trackprofile.methods.cross_entropy.estimator import (
     INTERRUPTED,
-    Run,
+    SearchRun,
     cross_entropy,
     optimise,
     phase,
@@ -140,7 +140,7 @@ def window(sensors: int = 1, m: int = 6) -> tuple[Array, Array, Array]:
 SMALL = replace(TABLE_5, unknowns=6, length=None)
 
 
-def searched(search: Search, seed: int = 0) -> tuple[Array, Run, Array]:
+def searched(search: Search, seed: int = 0) -> tuple[Array, SearchRun, Array]:
     gain, x, due = window()
     one = np.ones(1)
     start = np.diag(np.full(6, search.standard_deviation**2))

@@ -11,7 +11,7 @@ import pytest
 from test_trend import AT, COUNT, FIRST, SPACING, passing
 from trackprofile.assessment.development import development
 from trackprofile.assessment.limits import Action
-from trackprofile.assessment.trend import Pass
+from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D1, D3, band_pass
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import DataError
@@ -21,7 +21,7 @@ PLACE = int(1000.0 / SPACING)
 SHAPE = {band.name: band_pass(Dip(1.0, 6.0, 1000.0).at(AT)[0], SPACING, band)[PLACE] for band in BANDS}  # fmt: skip
 
 
-def with_flag(one: Pass, flag: Quality, start: float, end: float) -> Pass:
+def with_flag(one: DatedProfile, flag: Quality, start: float, end: float) -> DatedProfile:
     """The pass with a stretch flagged; nothing is known in a gap."""
     inside = (start <= AT) & (end >= AT)
     profile = one.profile

@@ -16,11 +16,19 @@ from fleet_recordings import Ride, ride, write_recording
 from trackprofile.assessment.limits_toml import limit_presets
 from trackprofile.cli import main
 from trackprofile.errors import DataError, FileError
-from trackprofile.fleet.batch import Night
+from trackprofile.fleet.batch import BatchResult
 from trackprofile.fleet.batch_html import html
 from trackprofile.fleet.batch_tables import recordings, sentences
-from trackprofile.fleet.conflicts import check_claims
-from trackprofile.fleet.job import Job, Outcome, Row, State, bring, means_of, recording_of
+from trackprofile.fleet.conflicts import check_conflicts
+from trackprofile.fleet.job import (
+    Job,
+    JobResult,
+    Row,
+    State,
+    means_of,
+    process_recording,
+    recording_of,
+)
 from trackprofile.fleet.manifest import read_manifest
 from trackprofile.io.model_toml import presets
 from trackprofile.store import create, find, open_store, read_profile
@@ -170,9 +178,9 @@ def test_two_recordings_of_one_run_and_stretch_contradict_each_other_if_they_dif
     rows = read_manifest(manifest(folder, one, two))
     if contradict:
         with pytest.raises(DataError, match=r"Recordings 1 \(one.nc\) and 2 \(two.nc\) both claim"):
-            check_claims(rows)
+            check_conflicts(rows)
     else:
-        check_claims(rows)
+        check_conflicts(rows)
 
 
 def test_a_job_stores_once_and_knows_before_inferring(
@@ -180,7 +188,7 @@ def test_a_job_stores_once_and_knows_before_inferring(
 ) -> None:
     store = create(str(folder / "store"))
     job = Job(row(folder, 'offset = "2 km"'), store.url)
-    first = bring(job)
+    first = process_recording(job)
     assert (first.state, first.reason) == (State.STORED, "")
     profile = read_profile(store, find(store)[0])
     assert profile["distance"].to_numpy()[[0, -1]] == pytest.approx([2000.0, 2300.0], abs=0.3)
@@ -190,10 +198,10 @@ def test_a_job_stores_once_and_knows_before_inferring(
         raise AssertionError("inferred again")
 
     monkeypatch.setattr("trackprofile.inference.infer.estimate", fall)
-    second = bring(job)
+    second = process_recording(job)
     assert (second.state, second.entry) == (State.THERE, first.entry)
     with pytest.raises(AssertionError, match="inferred again"):
-        bring(replace(job, row=replace(job.row, track="rigid")))
+        process_recording(replace(job, row=replace(job.row, track="rigid")))
 
 
 def test_where_a_preset_or_vehicle_lies_makes_no_other_version(folder: Path) -> None:
@@ -202,7 +210,7 @@ def test_where_a_preset_or_vehicle_lies_makes_no_other_version(folder: Path) -> 
     for name in ("a", "b"):
         (folder / name).mkdir()
         (folder / name / "car.toml").write_bytes(_preset("vehicle", "velaro"))
-        outcome = bring(Job(row(folder, f'vehicle = "{name}/car.toml"'), store.url))
+        outcome = process_recording(Job(row(folder, f'vehicle = "{name}/car.toml"'), store.url))
         assert outcome.entry is not None
         entries.add(outcome.entry.id)
     assert len(entries) == 1
@@ -212,23 +220,23 @@ def test_what_cannot_be_used_is_an_outcome_with_its_reason(folder: Path) -> None
     store = create(str(folder / "store"))
     path = manifest(folder, 'file = "one.nc"')
     (folder / "one.nc").write_bytes((folder / "one.nc").read_bytes()[:5000])
-    outcome = bring(Job(read_manifest(path)[0], store.url))
+    outcome = process_recording(Job(read_manifest(path)[0], store.url))
     assert outcome.state is State.FAILED
     assert outcome.reason == "damaged or cut short; copy it again."
     assert outcome.entry is None
-    outcome = bring(Job(outcome.row, store.url, software="0.0.1"))
+    outcome = process_recording(Job(outcome.row, store.url, software="0.0.1"))
     assert "this night is of 0.0.1" in outcome.reason
-    outcome = bring(Job(outcome.row, str(folder / "nowhere")))
+    outcome = process_recording(Job(outcome.row, str(folder / "nowhere")))
     assert "there is no store" in outcome.reason
 
 
-def night(folder: Path, *outcomes: tuple[State, str]) -> Night:
+def night(folder: Path, *outcomes: tuple[State, str]) -> BatchResult:
     one = row(folder)
     made = [
-        Outcome(replace(one, number=number, run=f"<b>{number}</b>"), state, reason)
+        JobResult(replace(one, number=number, run=f"<b>{number}</b>"), state, reason)
         for number, (state, reason) in enumerate(outcomes, start=1)
     ]
-    return Night(tuple(made), "<i>store</i>", 10.0, 2)
+    return BatchResult(tuple(made), "<i>store</i>", 10.0, 2)
 
 
 def test_page_shows_what_failed_first_and_markup_as_text(folder: Path) -> None:

@@ -24,7 +24,7 @@ from pathlib import Path
 import pytest
 
 from fleet_recordings import write_night
-from trackprofile.store import find, open_store, tidy, verify
+from trackprofile.store import clean, find, open_store, verify
 
 COUNT, LENGTH, KILLS = map(int, os.environ.get("TRACKPROFILE_FLEET", "12 1500 3").split())
 BARE = 6  # recordings that the bare command is timed with
@@ -129,7 +129,7 @@ def check_goes_on(whole: Whole, manifest: Path, store: Path) -> None:
 
 
 def check_same(whole: Whole, store: Path) -> None:
-    tidy(open_store(str(store)), older=timedelta(0))
+    clean(open_store(str(store)), older=timedelta(0))
     assert tree(store) == tree(whole.store)
 
 

@@ -12,7 +12,7 @@ from trackprofile.models.integrate import newmark, wilson
 from trackprofile.models.irregularity import Bell
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.simulation.drive import Drive
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, felt, simulate
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def test_a_trial_is_not_changed_by_what_it_tries() -> None:
 def test_trial_tends_to_the_simulation_of_a_smooth_profile() -> None:
     vehicle, _ = read_vehicle("quarter-car")
     sensor = Sensor("bogie", VERTICAL_ACCELERATION, "bogie")
-    run = Run(0.0, 12.0, Drive((0.0,), (30.0,)), run_in=1.0)
+    run = RunSettings(0.0, 12.0, Drive((0.0,), (30.0,)), run_in=1.0)
     fine = simulate(vehicle, read_track("rigid"), BELL, run, newmark(1e-5))
     due = np.interp(0.025 * np.arange(1, 401), fine.position, felt(fine, vehicle, sensor))
     car = quarter_car(400)

@@ -13,13 +13,13 @@ import pytest
 import xarray as xr
 
 from passing_trains import FIRST, VEHICLES, Line, Train, errors, fleet, passing
-from trackprofile.assessment.trend import Pass
+from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D1, band_pass
 from trackprofile.contracts import Quality, build_profile, known_elevation, validate_profile
 from trackprofile.errors import DataError
 from trackprofile.fusion.fuse import Fused, fuse
 from trackprofile.fusion.fusion_summary import summary
-from trackprofile.fusion.rejection import Reason
+from trackprofile.fusion.rejection import RejectionReason
 from trackprofile.models.irregularity import Dip
 
 LINE = Line(length=1250.0, seed=5, settled=0.002, at=700.0)
@@ -32,11 +32,11 @@ def good(count: int = 6, seed: int = 5) -> tuple[Train, ...]:
 
 
 @lru_cache
-def ran(train: Train, line: Line = LINE) -> Pass:
+def ran(train: Train, line: Line = LINE) -> DatedProfile:
     return passing(line, train)
 
 
-def passes(trains: Sequence[Train], line: Line = LINE) -> list[Pass]:
+def passes(trains: Sequence[Train], line: Line = LINE) -> list[DatedProfile]:
     return [ran(one, line) for one in trains]
 
 
@@ -45,20 +45,22 @@ def fused() -> Fused:
     return fuse(passes(good()), LAST)
 
 
-def stating(one: Pass, factor: float) -> Pass:
+def stating(one: DatedProfile, factor: float) -> DatedProfile:
     """The same pass, so many times as unsure."""
     spreads = {
         str(name): ("distance", factor * values.to_numpy(), values.attrs)
         for name, values in one.profile.data_vars.items() if "deviation" in str(name)
     }  # fmt: skip
-    return Pass(one.profile.assign(spreads), one.day, one.name)
+    return DatedProfile(one.profile.assign(spreads), one.day, one.name)
 
 
-def with_level(one: Pass, level: np.ndarray, quality: np.ndarray | None = None) -> Pass:
+def with_level(
+    one: DatedProfile, level: np.ndarray, quality: np.ndarray | None = None
+) -> DatedProfile:
     profile = one.profile.assign(elevation=("distance", level, one.profile["elevation"].attrs))
     if quality is not None:
         profile["quality"].values[:] = quality
-    return Pass(profile, one.day, one.name)
+    return DatedProfile(profile, one.day, one.name)
 
 
 def apart(one: Fused, other: Fused) -> dict[str, float]:
@@ -159,7 +161,7 @@ def test_the_order_of_the_passes_makes_no_difference() -> None:
 
 @pytest.mark.acceptance
 def test_a_unit_of_a_third_of_a_metre_makes_no_difference() -> None:
-    def threefold(one: Pass) -> Pass:
+    def threefold(one: DatedProfile) -> DatedProfile:
         return stating(with_level(one, 3 * one.profile["elevation"].to_numpy()), 3.0)
 
     first, other = fuse(passes(good(4))), fuse([threefold(one) for one in passes(good(4))])
@@ -188,12 +190,12 @@ def accused(number: int, **fault: object) -> Fused:
     return fuse(passes(trains), LAST)
 
 
-FAULTS: list[tuple[dict[str, object], Reason, bool]] = [
-    ({"gain": 1.05}, Reason.GAIN, False),
-    ({"gain": 0.95}, Reason.GAIN, False),
-    ({"distortion": (0.1, -0.05)}, Reason.VEHICLE, False),
-    ({"louder": 4.0}, Reason.NOISE, True),
-    ({"ahead": 43.0}, Reason.LAG, True),
+FAULTS: list[tuple[dict[str, object], RejectionReason, bool]] = [
+    ({"gain": 1.05}, RejectionReason.GAIN, False),
+    ({"gain": 0.95}, RejectionReason.GAIN, False),
+    ({"distortion": (0.1, -0.05)}, RejectionReason.VEHICLE, False),
+    ({"louder": 4.0}, RejectionReason.NOISE, True),
+    ({"ahead": 43.0}, RejectionReason.LAG, True),
 ]
 
 
@@ -202,14 +204,14 @@ FAULTS: list[tuple[dict[str, object], Reason, bool]] = [
     [FAULTS[0], *(pytest.param(*one, marks=pytest.mark.acceptance) for one in FAULTS[1:])],
 )
 def test_a_pass_that_contradicts_the_others_is_named_with_its_reason(
-    fault: dict[str, object], reason: Reason, used: bool
+    fault: dict[str, object], reason: RejectionReason, used: bool
 ) -> None:
     found = accused(2, **fault)
     (one,) = found.contradictions
     assert (one.name, one.reason, one.used) == ("pass 2", reason, used)
-    if reason is Reason.GAIN:
+    if reason is RejectionReason.GAIN:
         assert one.size == pytest.approx(fault["gain"], abs=0.002)
-    if reason is Reason.LAG:
+    if reason is RejectionReason.LAG:
         assert one.size == pytest.approx(43.0, abs=8.0)
     assert any(sentence.startswith("pass 2 contradicts the others") for sentence in summary(found))
     # The others are as good as five of six are.
@@ -223,7 +225,7 @@ def test_other_track_is_left_out() -> None:
     every[2] = ran(good()[2], replace(LINE, seed=77))
     found = fuse(every, LAST)
     (one,) = found.contradictions
-    assert (one.name, one.reason, one.used) == ("pass 2", Reason.ELSEWHERE, False)
+    assert (one.name, one.reason, one.used) == ("pass 2", RejectionReason.ELSEWHERE, False)
     assert "left out: pass 2" in found.profile.attrs["provenance"]
     assert next(each for each in found.members if each.name == "pass 2").lag is None
 
@@ -330,12 +332,12 @@ def test_passes_that_cannot_be_fused_are_refused() -> None:
         fuse([])
     with pytest.raises(DataError, match="Two passes are called 'pass 0'"):
         fuse([one, one])
-    loaded = Pass(one.profile.assign_attrs(loading="loaded"), one.day, "loaded")
+    loaded = DatedProfile(one.profile.assign_attrs(loading="loaded"), one.day, "loaded")
     with pytest.raises(DataError, match="infer all of them with the same track"):
         fuse([one, loaded])
     point = build_profile(one.profile["distance"], one.profile["elevation"], kind="point")
     with pytest.raises(DataError, match="vague: it does not state its standard deviation"):
-        fuse([one, Pass(point, one.day, "vague")])
+        fuse([one, DatedProfile(point, one.day, "vague")])
 
 
 # Over many lines

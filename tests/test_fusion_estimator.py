@@ -10,14 +10,14 @@ import pytest
 from scipy.linalg import toeplitz
 
 from passing_trains import FIRST, Line, fleet, passing
-from trackprofile.assessment.trend import Pass
+from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D2, D3, Band, band_pass, edge_distance
 from trackprofile.contracts import build_profile
 from trackprofile.fusion.combine import combine, without_each
 from trackprofile.fusion.estimator import Trust, weights
-from trackprofile.fusion.pass_alignment import Placed
+from trackprofile.fusion.pass_alignment import AlignedPass
 from trackprofile.fusion.spectral_bands import LENGTHS, RANGES, deviations
-from trackprofile.fusion.stack import Laid, lay
+from trackprofile.fusion.stack import PassStack, stack_passes
 
 Array = np.ndarray
 SPACING, COUNT = 1.0, 1100
@@ -25,7 +25,7 @@ AT = SPACING * np.arange(COUNT)
 DAY = date(2026, 5, 4)
 
 
-def trusting(laid: Laid, vehicle: Array | None = None) -> Trust:
+def trusting(laid: PassStack, vehicle: Array | None = None) -> Trust:
     """Every pass at its word, and no two of one vehicle."""
     n = len(laid.passes)
     vehicle = np.arange(n) if vehicle is None else vehicle
@@ -39,9 +39,9 @@ def trusting(laid: Laid, vehicle: Array | None = None) -> Trust:
     )
 
 
-def in_place(one: Pass) -> Placed:
+def in_place(one: DatedProfile) -> AlignedPass:
     ends = one.profile["distance"].to_numpy()[[0, -1]]
-    return Placed(one, 0.0, ends, np.zeros(2))
+    return AlignedPass(one, 0.0, ends, np.zeros(2))
 
 
 def covariance(density: Array, omega: Array) -> Array:
@@ -55,7 +55,7 @@ class Measured:
     """What a dense Gaussian posterior makes of passes, one by one and all at once."""
 
     truth: Array
-    passes: tuple[Pass, ...]
+    passes: tuple[DatedProfile, ...]
     joint: Array
     spread: dict[str, Array]
 
@@ -79,7 +79,7 @@ def measured() -> Measured:
         told = inverse / size**2
         precision, information = precision + told, information + told @ of_pass
         passes.append(
-            Pass(
+            DatedProfile(
                 build_profile(
                     AT, gain @ of_pass, kind="posterior", standard_deviation=np.sqrt(np.diag(posterior)),
                     band_standard_deviations={
@@ -106,7 +106,7 @@ def inner(band: Band) -> slice:
 
 
 def test_passes_fused_are_the_posterior_of_all_recordings(measured: Measured) -> None:
-    laid = lay([in_place(one) for one in measured.passes])
+    laid = stack_passes([in_place(one) for one in measured.passes])
     found = combine(laid, np.zeros(5), trusting(laid), 0.0)
     spread = deviations(found.error)
     for band in BANDS:
@@ -131,7 +131,7 @@ def test_posteriors_averaged_as_measurements_would_count_the_prior_five_times(
 
 def test_one_pass_alone_comes_back_through_all_waves(measured: Measured) -> None:
     one = measured.passes[1]
-    laid = lay([in_place(one)])
+    laid = stack_passes([in_place(one)])
     found = combine(laid, np.zeros(1), trusting(laid), 0.0)
     assert np.abs(found.level - one.profile["elevation"].to_numpy()).max() < 1e-12
     for band in BANDS:
@@ -142,8 +142,8 @@ def test_one_pass_alone_comes_back_through_all_waves(measured: Measured) -> None
 
 
 def test_what_all_others_say_is_the_fusion_without_the_pass(measured: Measured) -> None:
-    laid = lay([in_place(one) for one in measured.passes])
-    rest = lay([in_place(one) for one in measured.passes[1:]])
+    laid = stack_passes([in_place(one) for one in measured.passes])
+    rest = stack_passes([in_place(one) for one in measured.passes[1:]])
     others = without_each(laid, trusting(laid))[0]
     found = combine(rest, np.zeros(4), trusting(rest), 0.0).level
     here = inner(D2)
@@ -156,15 +156,17 @@ def test_what_all_others_say_is_the_fusion_without_the_pass(measured: Measured) 
 
 
 @pytest.fixture(scope="module")
-def laid() -> Laid:
+def laid() -> PassStack:
     line = Line(length=400.0)
     trains = [replace(one, ahead=0.0, scale=0.0) for one in fleet(7)]
-    return lay([in_place(passing(line, one)) for one in trains])
+    return stack_passes([in_place(passing(line, one)) for one in trains])
 
 
 @pytest.mark.parametrize("wave", [6, 11, 14])
 @pytest.mark.parametrize("day", [0.0, 15.0, 40.0])
-def test_weights_are_those_of_generalised_least_squares(laid: Laid, wave: int, day: float) -> None:
+def test_weights_are_those_of_generalised_least_squares(
+    laid: PassStack, wave: int, day: float
+) -> None:
     generator = np.random.default_rng(wave)
     days = np.array([(one.of.day - FIRST).days for one in laid.passes], float)
     days -= days.mean()
@@ -195,7 +197,9 @@ def test_weights_are_those_of_generalised_least_squares(laid: Laid, wave: int, d
     assert found.standing[k] == pytest.approx(known[0, 0], rel=1e-3)
 
 
-def test_passes_of_one_vehicle_never_know_the_line_better_than_what_they_share(laid: Laid) -> None:
+def test_passes_of_one_vehicle_never_know_the_line_better_than_what_they_share(
+    laid: PassStack,
+) -> None:
     trust = trusting(laid, np.zeros(7, int))
     trust.shared[:] = 1e-4
     variance = weights(laid, 8, np.zeros(7), trust, 0.0).variance[0]
@@ -204,7 +208,7 @@ def test_passes_of_one_vehicle_never_know_the_line_better_than_what_they_share(l
     assert (variance < 1.1 * (shared + laid.stated[:, 8].min(axis=0))).all()
 
 
-def test_a_pass_that_is_left_out_counts_nothing(laid: Laid) -> None:
+def test_a_pass_that_is_left_out_counts_nothing(laid: PassStack) -> None:
     trust = trusting(laid)
     trust.used[3] = False
     found = weights(laid, 8, np.zeros(7), trust, 0.0)

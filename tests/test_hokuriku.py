@@ -22,7 +22,7 @@ from trackprofile.inference.infer import infer
 from trackprofile.io import read
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.reporting.contents import Report, differences
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hokuriku"
@@ -142,7 +142,7 @@ def test_report_names_the_same_sections_as_that_of_the_measured_level(profile, l
         min(abs(one.standard_deviation - bound) for bound in one.classes.below.values()) < 1e-4
         for one in apart
     )
-    made = Report("a", found, Way(), {}, "0", beside=measured, beside_name="measured")
+    made = Report("a", found, ChainageTable(), {}, "0", beside=measured, beside_name="measured")
     for sentence in differences(made):
         sys.stdout.write(sentence + "\n")
 

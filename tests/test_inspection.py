@@ -12,7 +12,7 @@ from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.errors import FileError
 from trackprofile.io import read, write
 from trackprofile.io.column_guess import Role, guess
-from trackprofile.io.column_info import Heading
+from trackprofile.io.column_info import ColumnInfo
 from trackprofile.io.inspection import inspect, write_toml
 from trackprofile.preprocessing.faults import FaultKind
 
@@ -55,7 +55,7 @@ def logger(tmp_path: Path) -> Path:
     ],
 )
 def test_column_is_told_by_its_name_and_unit(name: str, unit: str, role: Role, body: str) -> None:
-    found = guess(Heading(name, unit), np.arange(9.0))
+    found = guess(ColumnInfo(name, unit), np.arange(9.0))
     assert (found.role, found.body) == (role, body)
 
 
@@ -72,7 +72,7 @@ def test_column_is_told_by_its_name_and_unit(name: str, unit: str, role: Role, b
     ],
 )
 def test_side_is_told_by_the_name(name: str, lateral: float, tmp_path: Path) -> None:
-    assert guess(Heading(name, "m/s²"), np.arange(9.0)).lateral == lateral
+    assert guess(ColumnInfo(name, "m/s²"), np.arange(9.0)).lateral == lateral
     rows = "".join(f"{k},30,{k % 3}\n" for k in range(5))
     (tmp_path / "a.csv").write_text(f"t [s],v [m/s],{name} [m/s²]\n{rows}", encoding="utf-8")
     found = inspect(tmp_path / "a.csv").recording
@@ -81,10 +81,10 @@ def test_side_is_told_by_the_name(name: str, lateral: float, tmp_path: Path) -> 
 
 
 def test_units_that_nobody_states_are_told_by_the_values() -> None:
-    assert guess(Heading("acc"), np.array([0.99, 1.01])).unit == "g"
-    assert guess(Heading("acc"), np.array([-9.9, -9.7])).unit == "m/s²"
-    assert guess(Heading("speed"), np.array([0.0, 120.0])).unit == "km/h"
-    assert not guess(Heading("speed"), np.array([0.0, 120.0])).sure
+    assert guess(ColumnInfo("acc"), np.array([0.99, 1.01])).unit == "g"
+    assert guess(ColumnInfo("acc"), np.array([-9.9, -9.7])).unit == "m/s²"
+    assert guess(ColumnInfo("speed"), np.array([0.0, 120.0])).unit == "km/h"
+    assert not guess(ColumnInfo("speed"), np.array([0.0, 120.0])).sure
 
 
 def test_speeds_unit_is_told_by_distance_over_time(tmp_path: Path) -> None:

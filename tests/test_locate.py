@@ -11,9 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trackprofile.errors import DataError
-from trackprofile.positioning.chainage import Way
-from trackprofile.positioning.locate import Whereabouts, whereabouts
-from trackprofile.positioning.sources import Fixes, Posts, Rolled, Shown, Sources, unwrapped
+from trackprofile.positioning.chainage import ChainageTable
+from trackprofile.positioning.locate import Whereabouts, locate
+from trackprofile.positioning.sources import (
+    DisplayedSpeed,
+    GnssFixes,
+    KilometrePosts,
+    Sources,
+    WheelOdometry,
+    unwrapped,
+)
 from trackprofile.preprocessing.faults import ClockFault
 from train_rides import BEGIN, Ride, World, ride, sources
 
@@ -34,7 +41,7 @@ class Judged:
 
 
 def judged(one: Ride, given: Sources) -> Judged:
-    found = whereabouts(given, one.time)
+    found = locate(given, one.time)
     absolute = given.way is not None or given.posts is not None
     error = found.distance - (one.distance if absolute else one.distance - BEGIN)
     return Judged(
@@ -61,7 +68,7 @@ def test_train_that_stands_adds_no_distance_and_has_no_speed() -> None:
     standing = (one.time > 345.0) & (one.time < 398.0)
     assert not one.speed[standing].any()
     for what in ("g", "gd", "gs", "o", "s", "gow"):
-        found = whereabouts(sources(one, what, replace(World(), tunnel=(0.0, 0.0))), one.time)
+        found = locate(sources(one, what, replace(World(), tunnel=(0.0, 0.0))), one.time)
         assert np.ptp(found.distance[standing]) == 0.0, what
         assert not found.speed[standing].any(), what
 
@@ -97,14 +104,14 @@ def test_distance_does_not_grow_with_the_noise_of_positions() -> None:
     one = ride(2, 600.0)
     for scatter in (1.0, 3.0, 6.0):
         world = World(scatter=scatter, wander=0.0, outlying=0.0, tunnel=(0.0, 0.0))
-        found = whereabouts(sources(one, "g", world), one.time)
+        found = locate(sources(one, "g", world), one.time)
         run = one.distance[-1] - one.distance[0]
         assert found.distance[-1] == pytest.approx(run, abs=3 * scatter + 2e-4 * run)
 
 
 def test_odometer_alone_counts_from_0_and_knows_how_little_it_knows() -> None:
     one = ride(1, 300.0)
-    found = whereabouts(sources(one, "o", World(worn=1.02)), one.time)
+    found = locate(sources(one, "o", World(worn=1.02)), one.time)
     assert found.distance[0] == 0.0
     assert found.deviation[0] < 0.1
     run = one.distance - BEGIN
@@ -131,10 +138,12 @@ def test_direction_is_told_by_the_way_whichever_end_it_is_described_from() -> No
     one = ride(1, 300.0)
     given, length = sources(one, "gow", CALM), one.line.distance[-1]
     at, north, east = points(given.way)
-    there = Way([0.0, length], [0.0, length / 1e3], at, north, east)
-    back = Way([0.0, length], [length / 1e3, 0.0], (length - at)[::-1], north[::-1], east[::-1])
-    falling = Way([0.0, length], [50.0, 50.0 - length / 1e3], at, north, east)
-    found = [whereabouts(replace(given, way=way), one.time) for way in (there, back, falling)]
+    there = ChainageTable([0.0, length], [0.0, length / 1e3], at, north, east)
+    back = ChainageTable(
+        [0.0, length], [length / 1e3, 0.0], (length - at)[::-1], north[::-1], east[::-1]
+    )
+    falling = ChainageTable([0.0, length], [50.0, 50.0 - length / 1e3], at, north, east)
+    found = [locate(replace(given, way=way), one.time) for way in (there, back, falling)]
     assert [where.direction for where in found] == [WITH, WITH, AGAINST]
     assert "runs against its way: distances count with a minus" in found[1].notes[0]
     np.testing.assert_allclose(found[1].distance + length, found[0].distance, atol=0.02)
@@ -145,12 +154,12 @@ def test_direction_is_told_by_posts() -> None:
     rising = sources(one, "op", CALM)
     kilometre = 50.0 - rising.posts.kilometre
     falling = replace(rising, posts=replace(rising.posts, kilometre=kilometre))
-    found = [whereabouts(given, one.time) for given in (rising, falling)]
+    found = [locate(given, one.time) for given in (rising, falling)]
     assert [where.direction for where in found] == [WITH, AGAINST]
     np.testing.assert_allclose(found[1].distance + 50e3, found[0].distance, atol=1e-3)
 
 
-def points(way: Way | None) -> tuple[Array, Array, Array]:
+def points(way: ChainageTable | None) -> tuple[Array, Array, Array]:
     assert way is not None
     return np.asarray(way.point_distance), np.asarray(way.latitude), np.asarray(way.longitude)
 
@@ -166,9 +175,9 @@ def test_whereabouts_do_not_depend_on_where_distance_and_time_count_from(
     moved = Sources(
         replace(given.fixes, time=one.time + later),
         replace(given.rolled, time=one.time + later),
-        way=Way(point_distance=at + along, latitude=north, longitude=east),
+        way=ChainageTable(point_distance=at + along, latitude=north, longitude=east),
     )
-    here, there = whereabouts(given, one.time), whereabouts(moved, one.time + later)
+    here, there = locate(given, one.time), locate(moved, one.time + later)
     np.testing.assert_allclose(there.distance - along, here.distance, atol=0.02)
     np.testing.assert_allclose(there.deviation, here.deviation, rtol=0.05)
 
@@ -184,34 +193,34 @@ def test_train_that_turns_is_refused() -> None:
         longitude=np.concatenate([east[:half], east[:half][::-1]]),
     )
     with pytest.raises(DataError, match=r"the train turns: at 1\d\d s it has run back 100 m"):
-        whereabouts(replace(given, fixes=turning, rolled=None), one.time)
+        locate(replace(given, fixes=turning, rolled=None), one.time)
 
 
 def test_positions_beside_the_way_are_refused() -> None:
     one = ride(1, 120.0)
     given = sources(one, "gw", CALM)
     at, north, east = points(given.way)
-    other = Way(point_distance=at, latitude=north + 0.01, longitude=east - 0.01)
+    other = ChainageTable(point_distance=at, latitude=north + 0.01, longitude=east - 0.01)
     with pytest.raises(DataError, match="km beside the way; expected them on it"):
-        whereabouts(replace(given, way=other), one.time)
-    elsewhere = Way(point_distance=at, latitude=north - 30.0, longitude=east)
+        locate(replace(given, way=other), one.time)
+    elsewhere = ChainageTable(point_distance=at, latitude=north - 30.0, longitude=east)
     with pytest.raises(DataError, match="lie beyond the ends of the way"):
-        whereabouts(replace(given, way=elsewhere), one.time)
+        locate(replace(given, way=elsewhere), one.time)
 
 
 def test_nothing_that_says_where_is_refused() -> None:
     one = ride(1, 120.0)
-    nowhere = Fixes(one.time, np.full(len(one.time), np.nan), np.full(len(one.time), np.nan))
+    nowhere = GnssFixes(one.time, np.full(len(one.time), np.nan), np.full(len(one.time), np.nan))
     with pytest.raises(DataError, match="Nothing says where the train was"):
-        whereabouts(Sources(nowhere), one.time)
+        locate(Sources(nowhere), one.time)
 
 
 def test_post_that_the_kilometrage_says_twice_is_not_used() -> None:
     one = ride(1, 300.0)
     given = sources(one, "op", CALM)
     stands = [0.0, 3000.0, 3000.0, 20000.0]
-    twice = Way(stands, [0.0, 3.0, 2.0, 19.0])
-    found = whereabouts(replace(given, way=twice), one.time)
+    twice = ChainageTable(stands, [0.0, 3.0, 2.0, 19.0])
+    found = locate(replace(given, way=twice), one.time)
     assert any("twice or never" in note for note in found.notes)
 
 
@@ -259,25 +268,26 @@ def odd_sources(generator: np.random.Generator) -> tuple[Sources, Array]:
         odd(generator, count, 12.0),
     )
     if generator.random() < 0.6:
-        given = replace(given, fixes=Fixes(time, north, east, odd(generator, count, 30.0)))
+        given = replace(given, fixes=GnssFixes(time, north, east, odd(generator, count, 30.0)))
     if generator.random() < 0.5 and np.count_nonzero(np.isfinite(counter)) > 1:
         rolled, _ = unwrapped(counter)
         known = np.isfinite(rolled)
         given = replace(
             given,
-            rolled=Rolled(
+            rolled=WheelOdometry(
                 time[known], rolled[known], float(generator.choice([0.0, 0.03, 3.0])), 0.03
             ),
         )
     if generator.random() < 0.4:
         known = np.isfinite(shown)
-        given = replace(given, shown=Shown(time[known], np.abs(shown[known]), 0.28, 0.03))
+        given = replace(given, shown=DisplayedSpeed(time[known], np.abs(shown[known]), 0.28, 0.03))
     if generator.random() < 0.4:
         known = np.isfinite(posts)
-        given = replace(given, posts=Posts(time[known], posts[known], 5.0, 0.5))
+        given = replace(given, posts=KilometrePosts(time[known], posts[known], 5.0, 0.5))
     if generator.random() < 0.3:
         given = replace(
-            given, way=Way([0.0, 5e3], [10.0, 15.0], [0.0, 5e3], [50.0, 50.045], [8.0, 8.0])
+            given,
+            way=ChainageTable([0.0, 5e3], [10.0, 15.0], [0.0, 5e3], [50.0, 50.045], [8.0, 8.0]),
         )
     return given, time
 
@@ -287,7 +297,7 @@ def check_odd(seeds: range) -> None:
     for seed in seeds:
         given, time = odd_sources(np.random.default_rng(seed))
         try:
-            found = whereabouts(given, time)
+            found = locate(given, time)
         except DataError:
             refused += 1
             continue
@@ -315,7 +325,7 @@ def test_wheel_and_positions_that_contradict_each_other_are_refused() -> None:
         DataError,
         match=r"the train ran 2\.\d+ km, by what else counts it [67]\.\d+ km; check the columns",
     ):
-        whereabouts(replace(given, rolled=in_feet), one.time)
+        locate(replace(given, rolled=in_feet), one.time)
 
 
 COMBINATIONS = (

@@ -18,12 +18,12 @@ from numpy.fft import irfft, rfftfreq
 
 from trackprofile.assessment.compare import compare
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.checkpoint import Kept, kept_beside, key_of
+from trackprofile.checkpoint import CheckpointStore, checkpoint_key, checkpoint_store
 from trackprofile.cli import main
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
-from trackprofile.inference.blocks import Piece
+from trackprofile.inference.blocks import BlockResult
 from trackprofile.inference.infer import estimate
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
@@ -31,7 +31,7 @@ from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.receptance import point_track
 from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, felt, simulate
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 PRIOR = read_spectrum("german-low")
@@ -50,7 +50,7 @@ def long_ride(length: float, every: int = 2, seed: int = 7) -> tuple[xr.Dataset,
     white = generator.standard_normal((2, int(waves.sum())))
     height[waves] = np.sqrt(PRIOR.density(omega[waves]) * omega[1] / 2) * (white[0] + 1j * white[1])
     level = irfft(height * len(at), len(at))
-    run = Run(0.0, length, steady(SPEED), run_in=RUN_IN, every=every)
+    run = RunSettings(0.0, length, steady(SPEED), run_in=RUN_IN, every=every)
     made = simulate(VELARO, ZHAI, Sampled(at, level), run, newmark(1e-3))
     parts = []
     for sensor in read_sensors("bogie-25ug"):
@@ -76,7 +76,9 @@ def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "LENGTH", 1500.0)
 
 
-def inferred(recording: xr.Dataset, kept: MutableMapping[int, Piece] | None = None) -> xr.Dataset:
+def inferred(
+    recording: xr.Dataset, kept: MutableMapping[int, BlockResult] | None = None
+) -> xr.Dataset:
     return estimate(recording, VELARO, track=ZHAI, prior=PRIOR, draws=16, kept=kept).profile
 
 
@@ -108,18 +110,18 @@ def test_interrupted_run_goes_on_to_the_same_bits(
     recording, _ = ride
     whole = inferred(recording)
 
-    class Full(Kept):
+    class Full(CheckpointStore):
         """A disk that is full after the first block."""
 
-        def __setitem__(self, number: int, piece: Piece) -> None:
+        def __setitem__(self, number: int, piece: BlockResult) -> None:
             if number == 1:
                 raise FileError("no space left")
             super().__setitem__(number, piece)
 
-    key = key_of(recording)
+    key = checkpoint_key(recording)
     with pytest.raises(FileError, match="no space left"):
         inferred(recording, Full(tmp_path / ".p.nc.blocks", key))
-    kept, said = kept_beside(tmp_path / "p.nc", key, resume=True)
+    kept, said = checkpoint_store(tmp_path / "p.nc", key, resume=True)
     assert said == ("going on after 1 blocks that are there already",)
     assert list(kept) == [0]
     xr.testing.assert_identical(inferred(recording, kept), whole)
@@ -133,24 +135,24 @@ def test_what_is_kept_of_another_run_is_refused_or_thrown_away(
     ride: tuple[xr.Dataset, xr.Dataset], tmp_path: Path
 ) -> None:
     recording, _ = ride
-    kept = Kept(tmp_path / ".p.nc.blocks", key_of(recording, draws=16))
+    kept = CheckpointStore(tmp_path / ".p.nc.blocks", checkpoint_key(recording, draws=16))
     inferred(recording, kept)
-    other = key_of(recording, draws=17)
+    other = checkpoint_key(recording, draws=17)
     with pytest.raises(
         DataError, match="another recording, with other options or by another version"
     ):
-        kept_beside(tmp_path / "p.nc", other, resume=True)
-    _, said = kept_beside(tmp_path / "p.nc", other, resume=False)
+        checkpoint_store(tmp_path / "p.nc", other, resume=True)
+    _, said = checkpoint_store(tmp_path / "p.nc", other, resume=False)
     assert "3 blocks of an interrupted run were thrown away" in said[0]
     assert not kept.folder.exists()
-    _, said = kept_beside(tmp_path / "p.nc", other, resume=True)
+    _, said = checkpoint_store(tmp_path / "p.nc", other, resume=True)
     assert "starting from the beginning" in said[0]
 
 
 @pytest.mark.usefixtures("short_blocks")
 def test_damaged_block_is_refused(ride: tuple[xr.Dataset, xr.Dataset], tmp_path: Path) -> None:
     recording, _ = ride
-    kept = Kept(tmp_path / ".p.nc.blocks", key_of(recording))
+    kept = CheckpointStore(tmp_path / ".p.nc.blocks", checkpoint_key(recording))
     inferred(recording, kept)
     path = kept.folder / "000001.npz"
     contents = bytearray(path.read_bytes())
@@ -164,9 +166,13 @@ def test_key_changes_with_every_number_and_option(ride: tuple[xr.Dataset, xr.Dat
     recording, _ = ride
     changed = recording.copy(deep=True)
     changed["speed"][7] += 1e-12
-    keys = [key_of(recording, seed=1), key_of(recording, seed=2), key_of(changed, seed=1)]
+    keys = [
+        checkpoint_key(recording, seed=1),
+        checkpoint_key(recording, seed=2),
+        checkpoint_key(changed, seed=1),
+    ]
     assert len(set(keys)) == 3
-    assert key_of(recording.copy(deep=True), seed=1) == keys[0]
+    assert checkpoint_key(recording.copy(deep=True), seed=1) == keys[0]
 
 
 def test_resume_is_of_the_smoother_only(

@@ -22,14 +22,14 @@ from trackprofile.io.model_toml import (
 )
 from trackprofile.io.toml_document import document
 from trackprofile.models.sensor import Installation, Sensor
-from trackprofile.models.spectrum import Piece, PowerLaw
+from trackprofile.models.spectrum import PowerLaw, SpectrumSegment
 from trackprofile.models.track import Change, ElasticTrack, LayeredTrack, RigidTrack
 from trackprofile.models.vehicle import (
     OF_ROLL,
     Body,
     Link,
-    Parameter,
     Vehicle,
+    VehicleParameter,
     Wheel,
     parameter_values,
     with_parameters,
@@ -176,8 +176,8 @@ def test_a_power_law_is_read_in_si(tmp_path: Path) -> None:
     assert read_roughness(put(tmp_path, LAW)) == PowerLaw(
         "law",
         (
-            Piece(2e-6 / whole, 0.1 * whole, 3.0, upper=0.5 * whole),
-            Piece(2e-4, 1.0, 0.0, knee=1.0, fall=3.0, sharpness=1.5),
+            SpectrumSegment(2e-6 / whole, 0.1 * whole, 3.0, upper=0.5 * whole),
+            SpectrumSegment(2e-4, 1.0, 0.0, knee=1.0, fall=3.0, sharpness=1.5),
         ),
         shortest=1.0,
         longest=100.0,
@@ -258,9 +258,11 @@ def vehicles(draw: st.DrawFn) -> Vehicle:
         Link(names[7], names[2], names[4], draw(distance), stiffness, 0.0),
     )
     parameters = (
-        Parameter(shared[0], "N/m", ((names[5], "stiffness"), (names[7], "stiffness")), draw(text)),
-        Parameter(shared[1], "kg", ((names[1], "mass"), (names[2], "mass")), draw(text)),
-        Parameter(shared[2], "m", ((names[4], "position"),), ""),
+        VehicleParameter(
+            shared[0], "N/m", ((names[5], "stiffness"), (names[7], "stiffness")), draw(text)
+        ),
+        VehicleParameter(shared[1], "kg", ((names[1], "mass"), (names[2], "mass")), draw(text)),
+        VehicleParameter(shared[2], "m", ((names[4], "position"),), ""),
     )
     return Vehicle(names[8], bodies, links, wheels, draw(text), parameters)
 

@@ -14,8 +14,8 @@ from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
 from trackprofile.inference.infer import estimate
-from trackprofile.inference.observations import Measured, measured
-from trackprofile.inference.orientation import facing
+from trackprofile.inference.observations import Observations, observations
+from trackprofile.inference.orientation import orient
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.models.receptance import point_track
@@ -60,9 +60,11 @@ def with_channels(recording: xr.Dataset, parts: list[Channel], end: str = "") ->
     return build_recording(parts, time=time, speed=speed, distance=distance, leading_end=end)
 
 
-def faced(recording: xr.Dataset, vehicle: Vehicle) -> tuple[Measured, Vehicle]:
+def faced(recording: xr.Dataset, vehicle: Vehicle) -> tuple[Observations, Vehicle]:
     installation = Installation()
-    sides, car = facing(measured(recording, installation), recording, vehicle, ZHAI, installation)
+    sides, car = orient(
+        observations(recording, installation), recording, vehicle, ZHAI, installation
+    )
     return sides.mean, car
 
 
@@ -98,7 +100,7 @@ def test_end_that_is_stated_wrongly_is_put_right() -> None:
     found, car = faced(with_channels(recording, list(channels(recording)), "last"), VELARO)
     assert not found.turned
     assert car is VELARO
-    np.testing.assert_array_equal(found.signals, measured(recording, Installation()).signals)
+    np.testing.assert_array_equal(found.signals, observations(recording, Installation()).signals)
     assert [one.position for one in found.sensors] == [0.4, 0.0, 0.0]
 
 

@@ -8,8 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from trackprofile.errors import DataError
-from trackprofile.positioning.chainage import Way
-from trackprofile.positioning.gnss_alignment import own_line
+from trackprofile.positioning.chainage import ChainageTable
+from trackprofile.positioning.gnss_alignment import align_to_own_line
 from trackprofile.positioning.polyline import cartesian, line_of
 from trackprofile.positioning.sources import unwrapped
 from train_rides import EQUATOR, SQUARED, Line, line
@@ -46,7 +46,7 @@ def test_metres_are_metres_anywhere_on_earth(north: float, east: float, heading:
 def test_place_along_a_line_is_found_whatever_lies_beside_it(off: float) -> None:
     one = line(4, 8000.0)
     at = np.linspace(40.0, 7900.0, 300)
-    way = Way(point_distance=one.distance, latitude=one.latitude, longitude=one.longitude)
+    way = ChainageTable(point_distance=one.distance, latitude=one.latitude, longitude=one.longitude)
     along, away = line_of(way).placed(cartesian(*beside(one, at, off)))
     # In a curve of 400 m a place 20 m beside moves by the chord's sagitta.
     np.testing.assert_allclose(along, at, atol=0.01 + 0.03 * abs(off))
@@ -56,7 +56,7 @@ def test_place_along_a_line_is_found_whatever_lies_beside_it(off: float) -> None
 def test_places_beyond_the_ends_of_a_line_are_not_on_it() -> None:
     one = line(4, 2000.0)
     some = slice(100, 300)
-    way = Way(
+    way = ChainageTable(
         point_distance=one.distance[some],
         latitude=one.latitude[some],
         longitude=one.longitude[some],
@@ -69,7 +69,9 @@ def test_places_beyond_the_ends_of_a_line_are_not_on_it() -> None:
 def test_coarse_points_of_a_way_make_the_same_line() -> None:
     one = line(4, 4000.0)
     fine, coarse = (
-        Way(point_distance=one.distance[n], latitude=one.latitude[n], longitude=one.longitude[n])
+        ChainageTable(
+            point_distance=one.distance[n], latitude=one.latitude[n], longitude=one.longitude[n]
+        )
         for n in (slice(None), slice(None, None, 10))
     )
     points = cartesian(*beside(one, np.linspace(50.0, 3900.0, 100), 1.0))
@@ -87,7 +89,7 @@ def test_line_of_noisy_positions_is_as_long_as_the_true_one(known_run: bool) -> 
     noise = 3.0 * generator.standard_normal(points.shape)
     up = points / np.linalg.norm(points, axis=1, keepdims=True)
     noisy = points + noise - np.sum(noise * up, axis=1, keepdims=True) * up
-    along, away = own_line(time, noisy, at / 0.98 if known_run else None)
+    along, away = align_to_own_line(time, noisy, at / 0.98 if known_run else None)
     length = np.polyval(np.polyfit(time, along, 1), [0.0, time[-1]])
     naive = np.sum(np.linalg.norm(np.diff(noisy, axis=0), axis=1))
     run = at[-1] - at[0]

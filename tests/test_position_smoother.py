@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackprofile.positioning.position_model import Assumed
-from trackprofile.positioning.position_observations import Readings, Source
-from trackprofile.positioning.position_smoother import travel
+from trackprofile.positioning.position_model import PositionPrior
+from trackprofile.positioning.position_observations import PositionObservations, Source
+from trackprofile.positioning.position_smoother import smooth_position
 
 Array = np.ndarray
 
@@ -21,14 +21,14 @@ def true_ride() -> tuple[Array, Array, Array]:
     return time, 500.0 + run, speed
 
 
-def readings() -> list[Readings]:
+def readings() -> list[PositionObservations]:
     time, distance, speed = true_ride()
     generator = np.random.default_rng(3)
     fixes, pulses, posts = slice(0, None, 4), slice(1, None, 2), slice(20, None, 40)
 
-    def read(source: Source, at: slice, value: Array, deviation: float) -> Readings:
+    def read(source: Source, at: slice, value: Array, deviation: float) -> PositionObservations:
         noisy = value[at] + deviation * generator.standard_normal(len(time[at]))
-        return Readings(source, time[at], noisy, np.full(len(noisy), deviation**2))
+        return PositionObservations(source, time[at], noisy, np.full(len(noisy), deviation**2))
 
     return [
         read(Source.FIX, fixes, distance, 3.0),
@@ -38,13 +38,13 @@ def readings() -> list[Readings]:
     ]
 
 
-def nodes(given: list[Readings]) -> Array:
+def nodes(given: list[PositionObservations]) -> Array:
     grid = np.linspace(0.0, 39.5, 41)
     return np.unique(np.concatenate([grid, *(one.time for one in given)]))
 
 
 def dense(
-    given: list[Readings], assumed: Assumed, scale: float, speed: Array
+    given: list[PositionObservations], assumed: PositionPrior, scale: float, speed: Array
 ) -> tuple[Array, Array]:
     """States [q, v, a, Σ, D, δ, b] at the nodes, (n, 7), and their covariance, about a scale and a speed."""
     time = nodes(given)
@@ -110,7 +110,7 @@ def dense(
     return solution, covariance
 
 
-def batch(given: list[Readings], assumed: Assumed) -> tuple[Array, Array]:
+def batch(given: list[PositionObservations], assumed: PositionPrior) -> tuple[Array, Array]:
     """Distance and its standard deviation at the nodes, m: least squares, again about what comes out."""
     scale, speed = 1.0, np.full(len(nodes(given)), 20.0)
     for _ in range(3):
@@ -124,8 +124,8 @@ def batch(given: list[Readings], assumed: Assumed) -> tuple[Array, Array]:
 
 def test_distance_is_that_of_dense_least_squares() -> None:
     given = readings()
-    assumed = Assumed(0.03, 500.0, 1000.0, wander=1.5, wander_stated=True)
-    found = travel(given, [], [], assumed, (0.0, 39.5))
+    assumed = PositionPrior(0.03, 500.0, 1000.0, wander=1.5, wander_stated=True)
+    found = smooth_position(given, [], [], assumed, (0.0, 39.5))
     for doubt in (found.weights.own, found.weights.slip, found.weights.jerk):
         assert not doubt.any()
     distance, deviation = batch(given, assumed)

@@ -17,14 +17,17 @@ from trackprofile.contracts.validation import steps_of
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, FileError, RowError
 from trackprofile.inference.infer import estimate
-from trackprofile.inference.position_uncertainty import deviation_at, of_true_distance
+from trackprofile.inference.position_uncertainty import (
+    correct_wheel_scale,
+    position_standard_deviation,
+)
 from trackprofile.io import read, write
 from trackprofile.io.inspection import inspect, write_toml
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import write_columns
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.preprocessing.faults import FaultKind, find_faults
 from train_rides import DIAMETER, PULSE, PULSES, World, ride, sources
 
@@ -286,10 +289,10 @@ def test_distance_scale_of_the_wheel_is_applied_once(
 ) -> None:
     floor = Channel("floor", np.zeros(3), "vertical acceleration", "body", 0.0)
     recording = build_recording([floor], time=[0, 1, 2], distance=[0, 1, 2], wheel_scale=wheel)
-    found, notes = of_true_distance(Installation(distance_scale=calibrated), recording)
+    found, notes = correct_wheel_scale(Installation(distance_scale=calibrated), recording)
     assert (found.distance_scale == calibrated) == kept
     assert bool(notes) != kept
-    assert deviation_at(np.zeros(1), np.arange(3.0), recording) == (None, ())
+    assert position_standard_deviation(np.zeros(1), np.arange(3.0), recording) == (None, ())
 
 
 def test_defect_says_how_well_its_place_is_known() -> None:
@@ -300,7 +303,7 @@ def test_defect_says_how_well_its_place_is_known() -> None:
     found = assess(build_profile(distance, dip, kind="truth", **known), limits, 40.0)
     defect = max(found.defects, key=lambda one: abs(one.height))
     assert defect.location_deviation == pytest.approx(2.0, abs=0.05)
-    assert defect_table([defect], found, Way())["location_deviation_m"] == [
+    assert defect_table([defect], found, ChainageTable())["location_deviation_m"] == [
         defect.location_deviation
     ]
     plain = assess(build_profile(distance, dip, kind="truth"), limits, 40.0)

@@ -30,17 +30,17 @@ from trackprofile.contracts import (
 )
 from trackprofile.errors import DataError, RowError
 from trackprofile.inference import blocks
-from trackprofile.inference.accuracy_limit import limit_per_rail
-from trackprofile.inference.blocks import Piece
+from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
+from trackprofile.inference.blocks import BlockResult
 from trackprofile.inference.infer import Estimate, estimate, infer
-from trackprofile.inference.observations import measured
-from trackprofile.inference.rail_decomposition import by_rail, levels_of
+from trackprofile.inference.observations import observations
+from trackprofile.inference.rail_decomposition import decompose_rails, rail_levels
 from trackprofile.io import read, write
 from trackprofile.io.model_toml import read_spectrum, write_vehicle
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import RigidTrack
-from trackprofile.models.vehicle import Parameter
+from trackprofile.models.vehicle import VehicleParameter
 from two_rails import WAGON, Ridden, random_rails, recorded, ride
 
 SPEED, SAMPLING, LENGTH = 30.0, 100.0, 300.0
@@ -86,7 +86,7 @@ def boxes() -> tuple[xr.Dataset, xr.Dataset, Estimate]:
 
 def test_each_rail_is_found_to_the_limit_and_its_interval_holds_it(boxes) -> None:
     _, truth, found = boxes
-    least = limit_per_rail(WAGON, RigidTrack(), BOXES, SPEED, MEAN)
+    least = accuracy_bound_per_rail(WAGON, RigidTrack(), BOXES, SPEED, MEAN)
     for rail in Rail:
         one = compare(of_rail(found.profile, rail), of_rail(truth, rail), largest_lag=0.0)
         d1 = one.bands["D1"]
@@ -160,7 +160,7 @@ def test_a_gyroscope_tells_the_difference_without_a_pair() -> None:
     sensors = [side("box", 0.0), Sensor("roll", "roll rate", "wheel 1", noise_density=1e-5)]
     recording, truth = made(sensors)
     found = infer(recording, WAGON)
-    least = limit_per_rail(WAGON, RigidTrack(), sensors, SPEED, MEAN)
+    least = accuracy_bound_per_rail(WAGON, RigidTrack(), sensors, SPEED, MEAN)
     for rail in Rail:
         d1 = compare(of_rail(found, rail), of_rail(truth, rail), largest_lag=0.0).bands["D1"]
         assert d1 is not None
@@ -213,8 +213,8 @@ def test_a_side_that_is_turned_round_is_refused(body: str, monkeypatch) -> None:
 
     def apart(sign: float) -> object:
         parts = [left, replace(right, values=sign * right.values)]
-        data = measured(recording_of(parts, recording["distance"].to_numpy()), Installation())
-        return by_rail(data, WAGON, RigidTrack(), Installation()).difference
+        data = observations(recording_of(parts, recording["distance"].to_numpy()), Installation())
+        return decompose_rails(data, WAGON, RigidTrack(), Installation()).difference
 
     assert apart(1.0) is not None
     with pytest.raises(DataError, match="'a' and 'b' contradict each other"):
@@ -227,7 +227,7 @@ def test_a_calibrated_gain_and_its_doubt_are_those_of_either_side(boxes) -> None
     louder = [replace(one, values=1.25 * one.values) for one in channels(recording)]
     gained = replace(side("calibrated", 0.0), noise_density=1.25 * 5e-3 / np.sqrt(2), gain=1.25)
     sure = Uncertainty(("gain of calibrated", "body mass"), ((1e-4, 0.0), (0.0, 0.01)))
-    car = replace(WAGON, parameters=(Parameter("body mass", "kg", (("body", "mass"),)),))
+    car = replace(WAGON, parameters=(VehicleParameter("body mass", "kg", (("body", "mass"),)),))
     again = infer(
         recording_of(louder, distance), car,
         installation=Installation(sensors=(gained,), uncertainty=sure),
@@ -245,7 +245,7 @@ def test_a_long_ride_is_taken_up_again_in_both_halves(monkeypatch) -> None:
     monkeypatch.setattr(sys.modules[__name__], "LENGTH", 1500.0)
     monkeypatch.setattr(blocks, "LENGTH", 700.0)
     recording, _ = made(BOXES)
-    kept: dict[int, Piece] = {}
+    kept: dict[int, BlockResult] = {}
     whole = estimate(recording, WAGON, draws=4, kept=kept)
     assert sorted(kept) == [0, 1, 2, 3]
     for lost in (1, 2):
@@ -260,9 +260,9 @@ def test_roll_alone_is_refused() -> None:
         infer(recording, WAGON)
 
 
-def piece(elevation: float, spread: float, flags: int = 0) -> Piece:
+def piece(elevation: float, spread: float, flags: int = 0) -> BlockResult:
     one = np.full(3, 1.0)
-    return Piece(
+    return BlockResult(
         np.arange(3.0), elevation * one, spread * one, {"D1": spread * one}, np.full(3, flags, np.int16),
         np.zeros((1, 1)), (), 0.0, (),
     )  # fmt: skip
@@ -272,7 +272,7 @@ def piece(elevation: float, spread: float, flags: int = 0) -> Piece:
 @given(st.floats(0.0, 1.0), st.floats(1e-6, 1e-2), st.floats(1e-6, 1e-2))
 def test_uncertainty_of_a_rail_is_that_of_a_sum(shared: float, m: float, c: float) -> None:
     # Analytic: var(e_m ± e_c/2) = σ_m² + σ_c²/4 ± ρ σ_m σ_c, of which the greater is stated.
-    found = levels_of(piece(1.0, m), piece(0.5, c), shared)
+    found = rail_levels(piece(1.0, m), piece(0.5, c), shared)
     expected = np.sqrt(m**2 + c**2 / 4 + shared * m * c)
     for rail, elevation in ((Rail.LEFT, 1.25), (Rail.RIGHT, 0.75)):
         np.testing.assert_allclose(found[rail].elevation, elevation)
@@ -281,7 +281,7 @@ def test_uncertainty_of_a_rail_is_that_of_a_sum(shared: float, m: float, c: floa
 
 
 def test_where_a_side_was_doubted_the_errors_may_be_those_of_one() -> None:
-    found = levels_of(piece(1.0, 1e-3, Quality.FAULTY), piece(0.5, 1e-3), 0.0)
+    found = rail_levels(piece(1.0, 1e-3, Quality.FAULTY), piece(0.5, 1e-3), 0.0)
     np.testing.assert_allclose(found[Rail.LEFT].standard_deviation, 1.5e-3)
 
 

@@ -23,14 +23,14 @@ from trackprofile.contracts import (
     of_rail,
     with_rails,
 )
-from trackprofile.inference.accuracy_limit import limit_per_rail
+from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
 from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_spectrum, read_vehicle
 from trackprofile.io.table import read_columns
-from trackprofile.kalman.smoother import prepare, smooth, start_of_ride
-from trackprofile.kalman.time_steps import build_ride
+from trackprofile.kalman.smoother import initial_state, kalman_gains, smooth
+from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.models.kinematics import Motion
-from trackprofile.models.roll import halves_of, pairs_of, rolling
+from trackprofile.models.roll import rail_modes, rolling, sensor_pairs
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import state_space
@@ -87,11 +87,11 @@ def errors(
     system = state_space(car, RigidTrack(), sensors)
     time, still = np.arange(samples) / SAMPLING, np.zeros(samples)
     moved = Motion(time, SPEED * time, still + SPEED, still)
-    run = build_ride(system, moved, np.ones((samples, len(sensors)), bool), KNOTS)
+    run = discretise_run(system, moved, np.ones((samples, len(sensors)), bool), KNOTS)
     offsets = np.array([one.offset_standard_deviation for one in sensors])
     density = np.array([one.noise_density for one in sensors], dtype=np.float64)
     variance = (density**2 * SAMPLING / 2)[run.sensors]
-    prepared = prepare(run, prior, variance, start_of_ride(system, prior, run, offsets))
+    prepared = kalman_gains(run, prior, variance, initial_state(system, prior, run, offsets))
     found = smooth(prepared, signals[run.samples, run.sensors]).elevation
     under = np.rint((run.first_knot + np.arange(len(found))) * KNOTS / BETWEEN).astype(int)
     inside = (under >= START / BETWEEN) & (under < samples - END / BETWEEN)
@@ -120,7 +120,7 @@ def reached(sensors: Sequence[Sensor], length: float, draws: int) -> dict[Rail, 
         assert sensor.noise_density is not None
         white = sensor.noise_density * np.sqrt(SAMPLING / 2)
         signals[:, i] += white * generator.standard_normal((samples, draws))
-    mean, difference = halves_of(sensors, pairs_of(sensors), VELARO.contact_spacing)
+    mean, difference = rail_modes(sensors, sensor_pairs(sensors), VELARO.contact_spacing)
     left, right = rails[:, 0], rails[:, 1]
     parts = []
     for car, half, prior, truth in (
@@ -140,8 +140,8 @@ def test_error_of_each_rail_is_the_least_possible(
     place: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = reached(PLACES[place], 4000.0, 24)
-    least = limit_per_rail(VELARO, RigidTrack(), PLACES[place], SPEED, MEAN)
-    across = limit_per_rail(VELARO, RigidTrack(), PLACES[place], SPEED, CROSS_LEVEL)
+    least = accuracy_bound_per_rail(VELARO, RigidTrack(), PLACES[place], SPEED, MEAN)
+    across = accuracy_bound_per_rail(VELARO, RigidTrack(), PLACES[place], SPEED, CROSS_LEVEL)
     least[Rail.DIFFERENCE] = across[Rail.DIFFERENCE]
     for rail in (Rail.LEFT, Rail.RIGHT):
         least[rail] = {

@@ -23,9 +23,9 @@ from trackprofile.errors import FileError
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.models.irregularity import random
-from trackprofile.positioning.chainage import Way
-from trackprofile.reporting import report
+from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.reporting.band_figures import chart_data
+from trackprofile.reporting.report import report
 from trackprofile.reporting.summary import summary
 
 EN, KM_H = read_limits("en-13848"), 1 / 3.6
@@ -33,7 +33,7 @@ SPEED = 140 * KM_H
 BROWSER = (
     shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 )
-WAY = Way([0.0, 3000.0], [40.0, 37.0], [0.0, 3000.0], [47.0, 47.02], [8.0, 8.01])
+WAY = ChainageTable([0.0, 3000.0], [40.0, 37.0], [0.0, 3000.0], [47.0, 47.02], [8.0, 8.01])
 
 
 def profile_of(length: float, seed: int = 1, deviation: float = 3e-4, gap: bool = True):
@@ -84,7 +84,9 @@ def test_words_say_the_gravest_first_with_place_size_and_chance(found) -> None:
 def test_words_on_good_track_say_that_nothing_is_called_for() -> None:
     at = np.arange(0.0, 500.0, 0.25)
     flat = build_profile(at, 1e-4 * np.sin(at), kind="truth")
-    assert summary(assess(flat, EN, SPEED, bands=[D1]), Way())[0].startswith("No place calls")
+    assert summary(assess(flat, EN, SPEED, bands=[D1]), ChainageTable())[0].startswith(
+        "No place calls"
+    )
 
 
 def test_tables_hold_every_defect_and_section_with_its_units(found) -> None:
@@ -106,7 +108,7 @@ def test_map_has_the_defects_where_they_are(found) -> None:
     east, north = one["geometry"]["coordinates"]
     share = one["properties"]["peak_m"] / 3000.0
     assert (east, north) == pytest.approx((8.0 + 0.01 * share, 47.0 + 0.02 * share), abs=1e-6)
-    assert geojson(found, Way())["features"] == []
+    assert geojson(found, ChainageTable())["features"] == []
 
 
 def test_charts_hold_the_level_to_a_hundredth_of_a_millimetre(found) -> None:

@@ -25,7 +25,7 @@ from trackprofile.reproduction.cases import (
 )
 from trackprofile.reproduction.noise_study import dip, profiles, sensors
 from trackprofile.reproduction.paper_tables import settings
-from trackprofile.reproduction.parts import Panel, Section, Table
+from trackprofile.reproduction.parts import FigurePanel, PageSection, Table
 from trackprofile.reproduction.reproduction_html import files, html
 from trackprofile.reproduction.studies import growth, in_bands, search, shorter, without_parabola
 
@@ -109,7 +109,7 @@ def test_dip_is_found_on_a_slope(depth: float, centre: float) -> None:
 
 
 @pytest.mark.parametrize("section", [profiles(), *sensors()], ids=lambda one: one.key)
-def test_spectra_follow_their_models(section: Section) -> None:
+def test_spectra_follow_their_models(section: PageSection) -> None:
     lines = section.panels[-1].lines
     modelled = {name: name.split(",")[0] for name in lines if "," in name}
     assert modelled
@@ -119,12 +119,12 @@ def test_spectra_follow_their_models(section: Section) -> None:
         assert np.median(ratio) == pytest.approx(1.0, abs=0.2)
 
 
-SECTION = Section(
+SECTION = PageSection(
     "figure-1",
     "A <title>",
     ("Text & more.",),
     Table(("what", "mm"), (("one", 1.5), ("none", None))),
-    (Panel("x, m", "y, mm", {"line": (np.arange(3.0), np.ones(3))}, "y"),),
+    (FigurePanel("x, m", "y, mm", {"line": (np.arange(3.0), np.ones(3))}, "y"),),
 )
 
 

@@ -13,16 +13,16 @@ from scipy.integrate import quad
 from trackprofile.bands import D1
 from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
-from trackprofile.inference.accuracy_limit import limit_per_rail
+from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
 from trackprofile.io.model_toml import presets, read_spectrum, read_vehicle, write_vehicle
 from trackprofile.models.modal import roll_modes
 from trackprofile.models.roll import (
-    halves_of,
-    pairs_of,
+    rail_modes,
     roll_unknowns,
     rolling,
     rolling_track,
     rolling_wheels,
+    sensor_pairs,
     shared_noise,
 )
 from trackprofile.models.sensor import Installation, Sensor
@@ -58,7 +58,7 @@ def on_board(vehicle: Vehicle) -> list[Sensor]:
 def test_mean_and_difference_are_those_of_a_car_on_two_rails(name: str, track) -> None:
     car = WAGON if name == "wagon" else read_vehicle(name)[0]
     sensors = on_board(car)
-    mean, difference = halves_of(sensors, pairs_of(sensors), car.contact_spacing)
+    mean, difference = rail_modes(sensors, sensor_pairs(sensors), car.contact_spacing)
     apart = response(car, track, sensors, OMEGA, SPEED)
     both, across = apart @ np.array([1.0, 1.0]), apart @ np.array([0.5, -0.5])
     heave = transfer_function(state_space(car, track, mean.sensors), OMEGA, SPEED)
@@ -74,7 +74,7 @@ def test_mean_and_difference_are_those_of_a_car_on_two_rails(name: str, track) -
 
 def test_what_either_side_reads_comes_back_from_mean_and_difference() -> None:
     sensors = on_board(WAGON)
-    mean, difference = halves_of(sensors, pairs_of(sensors), WAGON.contact_spacing)
+    mean, difference = rail_modes(sensors, sensor_pairs(sensors), WAGON.contact_spacing)
     apart = response(WAGON, RigidTrack(), sensors, OMEGA, SPEED)[:, :, 0]
     again = apart @ mean.weights @ mean.shares + apart @ difference.weights @ difference.shares
     np.testing.assert_allclose(again, apart, rtol=1e-9)
@@ -82,7 +82,7 @@ def test_what_either_side_reads_comes_back_from_mean_and_difference() -> None:
 
 def test_on_a_rigid_path_wheels_need_nothing_of_the_car_above() -> None:
     boxes = [accelerometer("left", "wheel 2", 0.9), accelerometer("right", "wheel 2", -0.9)]
-    _, difference = halves_of(boxes, pairs_of(boxes), WAGON.contact_spacing)
+    _, difference = rail_modes(boxes, sensor_pairs(boxes), WAGON.contact_spacing)
     found = [
         transfer_function(state_space(car, RigidTrack(), difference.sensors), OMEGA, SPEED)
         for car in (rolling(WAGON), rolling_wheels(WAGON))
@@ -97,7 +97,7 @@ def test_limit_of_axle_boxes_is_that_of_white_noise_integrated_twice() -> None:
     # Analytic: S_post = 1 / (1/S_prior + (Ωv)⁴ g²/S_noise), with g = 1 for the mean and 2y/w for the difference.
     boxes = [accelerometer("left", "wheel 1", 0.9), accelerometer("right", "wheel 1", -0.9)]
     prior = read_spectrum("german-low")
-    found = limit_per_rail(WAGON, RigidTrack(), boxes, SPEED, prior, [D1])
+    found = accuracy_bound_per_rail(WAGON, RigidTrack(), boxes, SPEED, prior, [D1])
 
     def least(gain: float, density: float) -> float:
         def posterior(omega: float) -> float:
@@ -186,7 +186,7 @@ def test_roll_is_refused_where_nothing_rolls() -> None:
 def test_sensors_of_other_places_or_kinds_are_no_pair(change: dict) -> None:
     left = accelerometer("left", "wheel 1", 0.9)
     right = replace(accelerometer("right", "wheel 1", -0.9), **change)
-    assert pairs_of([left, right]) == ()
+    assert sensor_pairs([left, right]) == ()
 
 
 @settings(deadline=None)
@@ -196,8 +196,8 @@ def test_noise_of_mean_and_difference_is_that_of_weighted_sums(
 ) -> None:
     left = replace(accelerometer("left", "wheel 1", y_left), noise_density=n_left)
     right = replace(accelerometer("right", "wheel 1", -y_right), noise_density=n_right)
-    (pair,) = pairs_of([left, right])
-    mean, difference = halves_of([left, right], [pair], 1.5)
+    (pair,) = sensor_pairs([left, right])
+    mean, difference = rail_modes([left, right], [pair], 1.5)
     weights = np.hstack([mean.weights, difference.weights])
     covariance = weights.T @ np.diag([n_left**2, n_right**2]) @ weights
     expected = np.sqrt(np.diag(covariance))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trackprofile.errors import TrackprofileError
-from trackprofile.scenario import PRESETS, Made, read_scenario, run_scenario, scenarios
+from trackprofile.scenario import PRESETS, SimulatedRun, read_scenario, run_scenario, scenarios
 
 BELL = """
 vehicle = "velaro"
@@ -38,7 +38,7 @@ def put(folder: Path, text: str) -> Path:
     return path
 
 
-def made(folder: Path, text: str, seed: int | None = None) -> Made:
+def made(folder: Path, text: str, seed: int | None = None) -> SimulatedRun:
     return run_scenario(read_scenario(put(folder, text), seed))
 
 

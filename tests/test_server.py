@@ -36,7 +36,7 @@ from trackprofile.server import history as places
 from trackprofile.server import line_catalogue as catalogue
 from trackprofile.server import requests as questions
 from trackprofile.store import Store, create, find, lines, read_columns, table
-from trackprofile.store.layout import Place
+from trackprofile.store.layout import PassKey
 
 DAYS = [FIRST + timedelta(days=30 * month) for month in range(4)]
 GRAVITY = {"": 0, "alert": 1, "intervention": 2, "immediate action": 3}
@@ -167,7 +167,7 @@ def test_limits_are_known_where_nothing_is_near_them(tmp_path) -> None:
     store = create(str(tmp_path / "calm"))
     calm = seen(0, 1000.0, seed=5)
     calm["elevation"] = calm["elevation"] * 0.01
-    put(store, Place("calm", "up", FIRST), calm)
+    put(store, PassKey("calm", "up", FIRST), calm)
     with serving(store) as client:
         strip = asked(client, "strip", line="calm", direction="up", day=str(FIRST), band="D1")
         defects = asked(client, "defects", line="calm", direction="up", day=str(FIRST))
@@ -369,7 +369,7 @@ def test_passes_that_do_not_look_alike_are_drawn_and_said_to_be_so(tmp_path) -> 
     store = create(str(tmp_path / "unlike"))
     for month in (0, 1):
         day = FIRST + timedelta(days=30 * month)
-        put(store, Place("unlike", "up", day), seen(month, 800.0, seed=7 + month))
+        put(store, PassKey("unlike", "up", day), seen(month, 800.0, seed=7 + month))
     with serving(store) as client:
         found = asked(
             client, "compare", line="unlike", direction="up", day=str(day), other=str(FIRST), band="D1"
@@ -409,7 +409,7 @@ def test_an_earlier_version_is_still_answered_for(tmp_path) -> None:
     from trackprofile.store import add
 
     store = create(str(tmp_path / "versions"))
-    place, profile = Place("one", "up", FIRST), seen(0, 700.0)
+    place, profile = PassKey("one", "up", FIRST), seen(0, 700.0)
     old = put(store, place, profile)
     deeper = profile.copy()
     deeper["elevation"] = profile["elevation"] * 2.0
@@ -434,8 +434,8 @@ def test_the_same_recording_on_two_days_is_two_passes(tmp_path) -> None:
     from trackprofile.store import add
 
     store, profile = create(str(tmp_path / "twice")), seen(0, 1500.0)
-    one = put(store, Place("one", "up", FIRST), profile)
-    later = Place("one", "up", FIRST + timedelta(days=30))
+    one = put(store, PassKey("one", "up", FIRST), profile)
+    later = PassKey("one", "up", FIRST + timedelta(days=30))
     other = add(store, later, profile, assess(profile, EN, SPEED), one.origin).entry
     assert other.id == one.id
     with serving(store) as client:
@@ -451,7 +451,7 @@ def test_what_was_added_is_shown_after_a_while(tmp_path, monkeypatch: pytest.Mon
     store = create(str(tmp_path / "grows"))
     with serving(store) as client:
         assert asked(client, "lines")["lines"] == []
-        put(store, Place("new", "up", FIRST), seen(0, 700.0))
+        put(store, PassKey("new", "up", FIRST), seen(0, 700.0))
         assert asked(client, "lines")["lines"] == []
     monkeypatch.setattr(catalogue, "LASTS", 0.0)
     with serving(store) as client:
@@ -509,7 +509,7 @@ def test_a_place_that_no_pass_tells_is_unusable(client: httpx.Client) -> None:
 
 def test_a_damaged_store_is_told_without_its_path(tmp_path, capfd) -> None:
     store = create(str(tmp_path / "damaged"))
-    entry = put(store, Place("one", "up", FIRST), seen(0, 700.0))
+    entry = put(store, PassKey("one", "up", FIRST), seen(0, 700.0))
     file = tmp_path / "damaged" / entry.path("overviews")
     file.write_bytes(b"PAR1 is not enough")
     with serving(store) as client:

@@ -234,15 +234,15 @@ def test_behind_a_proxy_with_tls_the_cookie_is_for_tls_alone(locked: httpx.Clien
 
 def test_sessions_end_and_cannot_be_lengthened() -> None:
     value = session.new_session(TOKEN, now=1000.0)
-    assert session.holds(TOKEN, value, now=1000.0 + session.LASTS - 1)
-    assert not session.holds(TOKEN, value, now=1000.0 + session.LASTS + 1)
+    assert session.token_matches(TOKEN, value, now=1000.0 + session.LASTS - 1)
+    assert not session.token_matches(TOKEN, value, now=1000.0 + session.LASTS + 1)
     ends, _, signature = value.partition(".")
     other = signature.translate(str.maketrans("0123456789", "1234567890"))
     for forged in (
         f"{int(ends) + 9999}.{signature}", f"{ends}.{other}", f"{ends}.{signature[:-1]}", f"{ends}.", "", "x.y",
         f"-1.{signature}", f"١٢.{signature}",
     ):  # fmt: skip
-        assert not session.holds(TOKEN, forged, now=1000.0)
+        assert not session.token_matches(TOKEN, forged, now=1000.0)
 
 
 def test_the_page_itself_is_empty_and_needs_no_token(locked: httpx.Client) -> None:

@@ -13,14 +13,14 @@ from scipy.interpolate import BSpline
 from scipy.linalg import expm
 
 from trackprofile.kalman.smoother import (
-    Filter,
+    KalmanGains,
     error_draws,
-    prepare,
+    initial_state,
+    kalman_gains,
+    posterior_variances,
     smooth,
-    start_of_ride,
-    variances,
 )
-from trackprofile.kalman.time_steps import Ride, Steps, build_ride, cut_into_steps
+from trackprofile.kalman.time_steps import DiscretisedRun, TimeSteps, discretise_run, time_steps
 from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.spectrum import Spectrum, markov
@@ -51,9 +51,9 @@ class Problem:
 
     system: StateSpace
     motion: Motion
-    steps: Steps
-    ride: Ride
-    filter: Filter
+    steps: TimeSteps
+    ride: DiscretisedRun
+    filter: KalmanGains
     signals: Array
 
 
@@ -70,13 +70,13 @@ def problem(
     moved = Motion(time, shift + 3.1 + np.r_[0.0, run], speed, np.gradient(speed, time))
     valid = np.ones((50, sensors), bool)
     valid[5:9, 0] = valid[30:33] = False
-    ride = build_ride(system, moved, valid, SPACING)
+    ride = discretise_run(system, moved, valid, SPACING)
     variance = np.array([1e-4, 1e-6])[ride.sensors] * generator_.uniform(0.5, 2, len(ride.rows))
     shaken = np.full(2 * system.disturbance.shape[1], 0.1)
     others = np.r_[shaken, np.sqrt(system.flicker), [0.1, 0.01][:sensors]]
-    prepared = prepare(ride, PRIOR, variance, start_of_ride(system, PRIOR, ride, others))
+    prepared = kalman_gains(ride, PRIOR, variance, initial_state(system, PRIOR, ride, others))
     signals = 0.1 * generator_.standard_normal((len(ride.rows), 1))
-    return Problem(system, moved, cut_into_steps(moved, SPACING), ride, prepared, signals)
+    return Problem(system, moved, time_steps(moved, SPACING), ride, prepared, signals)
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def test_smoother_is_the_dense_batch_solution(
         found.elevation, elevation, rtol=0, atol=1e-8 * np.max(np.abs(elevation))
     )
     spread = np.einsum("ki,ij,kj->k", whole.knots, posterior, whole.knots)
-    np.testing.assert_allclose(variances(one.filter).elevation, spread, rtol=1e-8)
+    np.testing.assert_allclose(posterior_variances(one.filter).elevation, spread, rtol=1e-8)
     likelihood = -0.5 * (
         np.linalg.slogdet(2 * np.pi * S)[1] + y[:, 0] @ np.linalg.solve(S, y[:, 0])
     )
@@ -205,7 +205,7 @@ def test_samples_and_offsets_are_judged_by_the_likelihood_without_them(
     one = problem(ElasticTrack(8e7, 3e4), unmodelled, 2, flicker=flicker)
     whole, y, ride = dense(one), one.signals, one.ride
     S = whole.A @ whole.P @ whole.A.T + np.diag(one.filter.variance)
-    found, judged = smooth(one.filter, y), variances(one.filter)
+    found, judged = smooth(one.filter, y), posterior_variances(one.filter)
     np.testing.assert_allclose(judged.precision, np.diag(np.linalg.inv(S)), rtol=1e-7)
     for bay in (0, 7, len(ride.F) - 2):
         for sensor in range(2):
@@ -222,7 +222,9 @@ def test_draws_of_the_error_have_the_posteriors_variance(flicker: bool) -> None:
     one = problem(RigidTrack(), 0.05, 2, flicker=flicker)
     draws = error_draws(one.filter, 20_000, np.random.default_rng(3))
     # Relative error of a variance from m draws is √(2/m) = 1 %; four of them.
-    np.testing.assert_allclose(np.var(draws, axis=1), variances(one.filter).elevation, rtol=0.04)
+    np.testing.assert_allclose(
+        np.var(draws, axis=1), posterior_variances(one.filter).elevation, rtol=0.04
+    )
 
 
 @settings(max_examples=20)
@@ -246,7 +248,9 @@ def test_ride_shifted_by_whole_knots_shifts_the_profile(knots: int) -> None:
         atol=1e-9,
     )
     np.testing.assert_allclose(
-        variances(there.filter).elevation, variances(here.filter).elevation, rtol=1e-7
+        posterior_variances(there.filter).elevation,
+        posterior_variances(here.filter).elevation,
+        rtol=1e-7,
     )
 
 
@@ -264,7 +268,7 @@ def test_units_of_a_signal_do_not_matter_if_its_noise_has_them_too() -> None:
     scaled = replace(
         one.ride, rows=1e3 * one.ride.rows
     )  # millimetres per second squared, and the model reads them so
-    again = prepare(scaled, PRIOR, 1e6 * one.filter.variance, one.filter.start)
+    again = kalman_gains(scaled, PRIOR, 1e6 * one.filter.variance, one.filter.start)
     np.testing.assert_allclose(
         smooth(again, 1e3 * one.signals).elevation,
         smooth(one.filter, one.signals).elevation,

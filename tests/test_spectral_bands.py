@@ -19,9 +19,9 @@ from trackprofile.fusion.spectral_bands import (
     LENGTHS,
     OMEGA,
     RANGES,
+    decompose_spectrum,
     deviations,
     shares,
-    sines,
     stated_by,
 )
 
@@ -52,14 +52,14 @@ def test_waves_add_up_to_the_profile_between_its_gaps(
     level = np.cumsum(np.random.default_rng(seed).standard_normal(count))
     level[gap : gap + 5] = np.nan
     known = np.isfinite(level)
-    cut = sines(level, spacing)
+    cut = decompose_spectrum(level, spacing)
     total = np.sum([cut.wave(number) for number in range(LENGTHS.size)], axis=0)
     assert total[known] == pytest.approx(level[known], abs=1e-9)
     assert (total[~known] == 0).all()
 
 
 def test_a_wave_lies_where_its_length_says() -> None:
-    cut = sines(np.sin(2 * np.pi * AT / 8.0), 0.25)
+    cut = decompose_spectrum(np.sin(2 * np.pi * AT / 8.0), 0.25)
     power = [float(np.mean(cut.wave(number)[400:-400] ** 2)) for number in range(LENGTHS.size)]
     assert LENGTHS[int(np.argmax(power))] == 8.0
     assert power[6] > 0.99 * 0.5

@@ -9,7 +9,7 @@ import pytest
 
 from trackprofile.errors import ModelError
 from trackprofile.io.model_toml import presets, read_roughness, read_spectrum
-from trackprofile.models.spectrum import Piece, PowerLaw, Spectrum, draw, markov, rational
+from trackprofile.models.spectrum import PowerLaw, Spectrum, SpectrumSegment, draw, markov, rational
 
 FRA6 = Spectrum("FRA 6", 1.5e-6, 0.0206, 0.825)
 
@@ -157,15 +157,23 @@ def test_a_power_law_can_be_no_prior() -> None:
     ("pieces", "limits", "words"),
     [
         ((), (1.0, 10.0), "pieces in the order"),
-        ((Piece(1.0, 1.0, 2.0, upper=3.0),), (1.0, 10.0), "the last beyond 6.28319 rad/m"),
-        ((Piece(1.0, 1.0, 2.0), Piece(1.0, 1.0, 2.0)), (1.0, 10.0), "pieces in the order"),
-        ((Piece(0.0, 1.0, 2.0),), (1.0, 10.0), "above 0"),
-        ((Piece(1.0, 1.0, 2.0, knee=0.0),), (1.0, 10.0), "above 0"),
-        ((Piece(1.0, 1.0, 2.0),), (10.0, 1.0), "0 < shortest < longest"),
+        (
+            (SpectrumSegment(1.0, 1.0, 2.0, upper=3.0),),
+            (1.0, 10.0),
+            "the last beyond 6.28319 rad/m",
+        ),
+        (
+            (SpectrumSegment(1.0, 1.0, 2.0), SpectrumSegment(1.0, 1.0, 2.0)),
+            (1.0, 10.0),
+            "pieces in the order",
+        ),
+        ((SpectrumSegment(0.0, 1.0, 2.0),), (1.0, 10.0), "above 0"),
+        ((SpectrumSegment(1.0, 1.0, 2.0, knee=0.0),), (1.0, 10.0), "above 0"),
+        ((SpectrumSegment(1.0, 1.0, 2.0),), (10.0, 1.0), "0 < shortest < longest"),
     ],
 )
 def test_a_power_law_that_contradicts_itself_is_refused(
-    pieces: tuple[Piece, ...], limits: tuple[float, float], words: str
+    pieces: tuple[SpectrumSegment, ...], limits: tuple[float, float], words: str
 ) -> None:
     with pytest.raises(ModelError, match=words):
         PowerLaw("odd", pieces, *limits)

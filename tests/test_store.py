@@ -33,15 +33,15 @@ from trackprofile.contracts import (
     with_rails,
 )
 from trackprofile.errors import DataError, FileError
-from trackprofile.positioning.chainage import Way
-from trackprofile.store import Entry, Origin, Place, Store
+from trackprofile.positioning.chainage import ChainageTable
+from trackprofile.store import Entry, Origin, PassKey, Store
 from trackprofile.store.columns import profile_columns
 from trackprofile.store.entry import document, entry_id, parsed
 from trackprofile.store.layout import ENTRIES
 from trackprofile.store.object_files import RemoteFiles
 
 DAY = date(2026, 5, 1)
-PLACE = Place("Main / North", "up", DAY, "06:12")
+PLACE = PassKey("Main / North", "up", DAY, "06:12")
 LIMITS = read_limits("en-13848")
 NETWORK = Network(1, 600.0, 2)
 
@@ -58,8 +58,8 @@ _JUDGED: dict[str, Assessment] = {}
 
 
 def stored(
-    store: Store, profile: xr.Dataset, place: Place = PLACE, **origin: object
-) -> stores.Added:
+    store: Store, profile: xr.Dataset, place: PassKey = PLACE, **origin: object
+) -> stores.AddResult:
     made = Origin(**({"recording": fingerprint(profile)} | origin))  # type: ignore[arg-type]
     return stores.add(store, place, profile, judged(profile), made)
 
@@ -118,7 +118,7 @@ def test_both_rails_come_back_beside_their_mean(store: Store, profile: xr.Datase
         np.testing.assert_allclose(back[name], apart[name], rtol=2.0**-11, atol=2.0**-24)
         assert back[name].dtype == apart[name].dtype
     assert rails_of(back) == tuple(Rail)
-    drawn = stores.strip(store, entry, "elevation_left", 0.0, 600.0, 40)
+    drawn = stores.envelope(store, entry, "elevation_left", 0.0, 600.0, 40)
     assert drawn.low.min() == back["elevation_left"].min()
     assert drawn.deviation.max() == pytest.approx(1e-4, rel=2.0**-11)
 
@@ -353,7 +353,7 @@ def test_tables_of_passes_judged_by_different_classes_stand_together(store: Stor
 
 def test_kilometres_and_coordinates_stand_in_the_tables(store: Store) -> None:
     rough = build_profile(*_dipped(), kind="truth")
-    way = Way([0.0, 1000.0], [12.0, 11.0], [0.0, 1000.0], [52.0, 52.01], [13.0, 13.0])
+    way = ChainageTable([0.0, 1000.0], [12.0, 11.0], [0.0, 1000.0], [52.0, 52.01], [13.0, 13.0])
     entry = stores.add(
         store, PLACE, rough, judged(rough), Origin(fingerprint(rough)), way=way
     ).entry
@@ -373,14 +373,14 @@ NASTY = (
 def test_a_name_is_data_whatever_it_says(tmp_path: Path, profile: xr.Dataset, name: str) -> None:
     store = stores.create(str(tmp_path / "inner" / "store"))
     plain = stored(store, profile).entry
-    odd = stored(store, profile, Place(name, name, DAY, name), source=name, vehicle=name).entry
+    odd = stored(store, profile, PassKey(name, name, DAY, name), source=name, vehicle=name).entry
     assert stores.find(store, line=name, direction=name) == (odd,)
     assert stores.find(store, line=PLACE.line) == (plain,)
     assert {(one.line, one.direction) for one in stores.lines(store)} == {
         (name, name),
         ("Main / North", "up"),
     }
-    assert odd.place == Place(name, name, DAY, name)
+    assert odd.place == PassKey(name, name, DAY, name)
     assert stores.verify(store) == ()
     assert {path.name for path in tmp_path.iterdir()} == {"inner"}
     assert {path.name for path in (tmp_path / "inner").iterdir()} == {"store"}
@@ -395,7 +395,7 @@ def test_a_name_is_data_whatever_it_says(tmp_path: Path, profile: xr.Dataset, na
 )
 @settings(max_examples=50)
 def test_no_two_names_have_one_path(line: str, direction: str) -> None:
-    path = Place(line, direction, DAY).path(ENTRIES, 16 * "0" + "-" + 16 * "1")
+    path = PassKey(line, direction, DAY).path(ENTRIES, 16 * "0" + "-" + 16 * "1")
     parts = path.split("/")
     assert len(parts) == 5
     assert path.isascii()
@@ -412,12 +412,12 @@ def test_no_two_names_have_one_path(line: str, direction: str) -> None:
 )
 def test_a_name_that_no_path_can_hold_is_refused(line: str, said: str) -> None:
     with pytest.raises(DataError, match=said):
-        Place(line, "up", DAY)
+        PassKey(line, "up", DAY)
 
 
 def test_a_time_is_no_day() -> None:
     with pytest.raises(DataError, match="its time is its run"):
-        Place("Main", "up", datetime(2026, 5, 1, 6, 12))
+        PassKey("Main", "up", datetime(2026, 5, 1, 6, 12))
 
 
 def test_a_recording_is_named_by_a_whole_hash() -> None:
@@ -461,7 +461,7 @@ def test_find_is_what_looking_at_each_entry_finds(
     store = stores.create(f"memory://{uuid.uuid4()}")
     entries = {}
     for number, one in enumerate(drawn):
-        place = Place(one["line"], one["direction"], one["day"], one["run"])
+        place = PassKey(one["line"], one["direction"], one["day"], one["run"])
         origin = Origin(one["recording"], revision=one["revision"], software=one["software"])
         made = Entry(
             entry_id(place, origin), place, origin, "posterior", one["start"], one["start"] + 150, 10, 1.0, {},
@@ -608,8 +608,8 @@ def test_any_file_system_of_fsspec_holds_what_a_folder_does(
     there.files.put(entries[1].path("profiles"), b"half")
     there.files.put(entries[1].path("profiles").replace("line=", "line=other-"), b"nobody's")
     assert len(stores.verify(there)) == 2
-    assert stores.tidy(there) == ()
-    assert len(stores.tidy(there, timedelta(0))) == 1
+    assert stores.clean(there) == ()
+    assert len(stores.clean(there, timedelta(0))) == 1
 
 
 def test_a_missing_library_is_named_with_its_remedy(

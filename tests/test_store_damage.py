@@ -23,7 +23,7 @@ from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.contracts import fingerprint
 from trackprofile.errors import FileError
-from trackprofile.store import Origin, Place, Problem, Store
+from trackprofile.store import Origin, PassKey, Store, StoreProblem
 from trackprofile.store.entry import document
 from trackprofile.store.layout import ENTRIES
 from trackprofile.store.object_files import LocalFiles
@@ -31,7 +31,7 @@ from trackprofile.store.object_files import LocalFiles
 NETWORK = Network(1, 600.0, 3)
 PROFILE = NETWORK.passed(0, 0)
 FOUND = assess(PROFILE, read_limits("en-13848"), SPEED)
-PLACE = Place("Main", "up", date(2026, 5, 1))
+PLACE = PassKey("Main", "up", date(2026, 5, 1))
 ORIGIN = Origin(fingerprint(PROFILE))
 PASS = (PLACE, PROFILE, FOUND, ORIGIN)
 
@@ -76,10 +76,10 @@ def test_whenever_a_writer_dies_there_is_a_whole_pass_or_none(tmp_path: Path, mo
         stores.add(replace(store, files=Dying(store.url, [moment])), *PASS)
     assert stores.find(store) == stores.lines(store) == ()
     assert {one.what[:16] for one in stores.verify(store)} == {"no entry names i"}
-    assert stores.tidy(store) == ()  # another writer might be at work on it
+    assert stores.clean(store) == ()  # another writer might be at work on it
     again = stores.add(store, *PASS)
     assert again.new
-    assert len(stores.tidy(store, timedelta(0))) == 1  # the half that it left under another name
+    assert len(stores.clean(store, timedelta(0))) == 1  # the half that it left under another name
     assert stores.verify(store) == ()
     assert tree(store) == tree(whole)
 
@@ -94,13 +94,13 @@ def test_what_nobody_takes_up_again_is_cleared_away(tmp_path: Path) -> None:
     old = time.time() - 2 * 86400
     for path in tmp_path.rglob("*"):
         os.utime(path, (old, old))
-    assert len(stores.tidy(store)) == 6 + 3
+    assert len(stores.clean(store)) == 6 + 3
     assert tree(store) == empty | {"notes.txt": b"not ours"}
     (tmp_path / "notes.txt").unlink()
     for path in sorted(tmp_path.rglob("*"), reverse=True):
         if path.is_dir():
             os.utime(path, (old, old))
-    stores.tidy(store, timedelta(0))
+    stores.clean(store, timedelta(0))
     assert [path.name for path in tmp_path.iterdir()] == ["store.json"]
 
 
@@ -109,7 +109,7 @@ def test_half_a_pass_is_cleared_away_where_there_are_no_folders() -> None:
     entry = stores.add(store, *PASS).entry
     store.files.remove(entry.path(ENTRIES))
     assert {one.path for one in stores.verify(store)} == set(entry.paths)
-    assert set(stores.tidy(store, timedelta(0))) == set(entry.paths)
+    assert set(stores.clean(store, timedelta(0))) == set(entry.paths)
     assert stores.verify(store) == ()
 
 
@@ -119,7 +119,7 @@ def test_nothing_is_cleared_away_beside_a_damaged_entry(tmp_path: Path) -> None:
     store.files.put(entry.path(ENTRIES), document(entry)[:-9])
     before = tree(store)
     with pytest.raises(FileError, match="no whole entry"):
-        stores.tidy(store, timedelta(0))
+        stores.clean(store, timedelta(0))
     assert tree(store) == before
 
 
@@ -158,7 +158,7 @@ def test_a_missing_file_is_found(store: Store) -> None:
             assert {one.what[:19] for one in problems} == {"no entry names it: "}
         else:
             assert problems == (
-                Problem(path, "the file is missing; remove its entry, and add the pass again"),
+                StoreProblem(path, "the file is missing; remove its entry, and add the pass again"),
             )
         Path(store.url, path).write_bytes(content)
 
@@ -239,7 +239,7 @@ def test_a_damaged_pass_says_so_when_it_is_read(store: Store) -> None:
         stores.read_profile(store, entry)
     path.unlink()
     with pytest.raises(FileError, match=r"profiles/line=Main.* is missing"):
-        stores.strip(store, entry, "D1", 0.0, 100.0, 800)
+        stores.envelope(store, entry, "D1", 0.0, 100.0, 800)
 
 
 def test_a_damaged_entry_is_told_by_its_path(store: Store) -> None:
@@ -300,7 +300,7 @@ def test_a_store_is_the_same_to_the_last_bit_after_twelve_kills(tmp_path: Path) 
             stores.create(str(tmp_path / "killed"))
     assert killed >= 10
     assert filled(tmp_path / "killed") == [0]
-    stores.tidy(store, timedelta(0))
+    stores.clean(store, timedelta(0))
     assert stores.verify(store) == ()
     assert tree(store) == tree(undisturbed)
 

@@ -15,7 +15,7 @@ from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.contracts import Quality, build_profile, fingerprint
 from trackprofile.errors import DataError
-from trackprofile.store import Entry, Origin, Place, Store
+from trackprofile.store import Entry, Origin, PassKey, Store
 from trackprofile.store.envelopes import BIN, STEP, bin_size
 
 START, LENGTH = -137.3, 3000.0
@@ -45,7 +45,7 @@ def kept() -> tuple[Store, Entry]:
     found = assess(profile, read_limits("en-13848"), 40.0)
     origin = Origin(fingerprint(profile))
     return store, stores.add(
-        store, Place("Main", "up", date(2026, 5, 1)), profile, found, origin
+        store, PassKey("Main", "up", date(2026, 5, 1)), profile, found, origin
     ).entry
 
 
@@ -61,7 +61,7 @@ def test_a_bin_holds_what_its_points_hold(
     kept: tuple[Store, Entry], ends: list[float], width: int, column: str
 ) -> None:
     store, entry = kept
-    found = stores.strip(store, entry, column, *ends, width)
+    found = stores.envelope(store, entry, column, *ends, width)
     assert found.low.size <= width
     value = "elevation_m" if column == "elevation" else f"level_{column}_m"
     spread = "standard_deviation_m" if column == "elevation" else f"standard_deviation_{column}_m"
@@ -112,9 +112,9 @@ def test_two_passes_have_the_same_bins(kept: tuple[Store, Entry]) -> None:
     other = Network(1, LENGTH, 1, seed=2).passed(0, 0)
     found = assess(other, read_limits("en-13848"), 40.0)
     second = stores.add(
-        store, Place("Main", "up", date(2026, 5, 2)), other, found, Origin(fingerprint(other))
+        store, PassKey("Main", "up", date(2026, 5, 2)), other, found, Origin(fingerprint(other))
     ).entry
-    one, two = (stores.strip(store, each, "D1", 0.0, 2500.0, 300) for each in (entry, second))
+    one, two = (stores.envelope(store, each, "D1", 0.0, 2500.0, 300) for each in (entry, second))
     assert one.bin == two.bin == 16.0 >= BIN
     np.testing.assert_array_equal(one.distance, two.distance)
 
@@ -124,9 +124,9 @@ def test_a_narrow_view_shows_the_points_themselves(kept: tuple[Store, Entry]) ->
     even = Network(1, 600.0, 1).passed(0, 0)
     found = assess(even, read_limits("en-13848"), 40.0)
     entry = stores.add(
-        store, Place("Other", "up", date(2026, 5, 2)), even, found, Origin(fingerprint(even))
+        store, PassKey("Other", "up", date(2026, 5, 2)), even, found, Origin(fingerprint(even))
     ).entry
-    drawn = stores.strip(store, entry, "elevation", 100.0, 200.0, 1000)
+    drawn = stores.envelope(store, entry, "elevation", 100.0, 200.0, 1000)
     piece = stores.read_profile(store, entry, 100.0, 200.0)
     np.testing.assert_array_equal(drawn.distance, piece["distance"])
     np.testing.assert_array_equal(drawn.low, piece["elevation"])
@@ -137,7 +137,7 @@ def test_a_narrow_view_shows_the_points_themselves(kept: tuple[Store, Entry]) ->
 def test_beside_a_pass_there_is_nothing(kept: tuple[Store, Entry]) -> None:
     for ends in ((-9000.0, -8000.0), (8000.0, 9000.0)):
         for width in (50, 5000):
-            assert stores.strip(*kept, "D1", *ends, width).low.size == 0
+            assert stores.envelope(*kept, "D1", *ends, width).low.size == 0
 
 
 @pytest.mark.parametrize(
@@ -155,4 +155,4 @@ def test_what_cannot_be_drawn_is_refused(
     kept: tuple[Store, Entry], asked: tuple, said: str
 ) -> None:
     with pytest.raises(DataError, match=said):
-        stores.strip(*kept, *asked)
+        stores.envelope(*kept, *asked)

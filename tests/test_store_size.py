@@ -22,7 +22,7 @@ import pytest
 
 from network import Network, fill
 from trackprofile import store as stores
-from trackprofile.store import Place, entry_id
+from trackprofile.store import PassKey, entry_id
 from trackprofile.store.entry import document
 from trackprofile.store.layout import ENTRIES
 
@@ -103,7 +103,7 @@ def test_eight_thousand_passes_are_listed_in_less_than_half_a_second(tmp_path: P
     (added,) = fill(store, Network(1, 600.0, 1))
     for number in range(8000):  # 2,000 km passed 20 times, in recordings of 5 km
         line, day, piece = number // 400, number // 20 % 20, number % 20
-        place = Place(f"Line {line}", "up", date(2026, 5, 1 + day), "06:12")
+        place = PassKey(f"Line {line}", "up", date(2026, 5, 1 + day), "06:12")
         origin = replace(
             added.entry.origin, recording=hashlib.sha256(str(number).encode()).hexdigest()
         )

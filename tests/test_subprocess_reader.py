@@ -12,7 +12,7 @@ import pytest
 
 from trackprofile.errors import DataError, FileError
 from trackprofile.io import subprocess_reader as apart
-from trackprofile.io.column_info import Heading
+from trackprofile.io.column_info import ColumnInfo
 
 BEHAVIOUR = """
 import os, time
@@ -70,7 +70,7 @@ def test_columns_come_back_to_the_last_bit(tmp_path: Path) -> None:
 
 
 def test_headings_come_back_as_they_were(tmp_path: Path) -> None:
-    assert apart.headings_apart(tmp_path, "behaving") == (Heading("a", "m", 3, "t"),)
+    assert apart.headings_apart(tmp_path, "behaving") == (ColumnInfo("a", "m", 3, "t"),)
 
 
 def test_a_reader_that_an_earlier_file_has_harmed_is_replaced(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from trackprofile.assessment.alignment import align
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.limits_toml import read_limits
-from trackprofile.assessment.trend import Changes, Pass, changes
+from trackprofile.assessment.trend import DatedProfile, Trend, trend
 from trackprofile.bands import BANDS, D1, band_pass, gain
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError
@@ -24,7 +24,7 @@ from trackprofile.io.model_toml import read_sensors, read_spectrum
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Dip, Sum, random
 from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, felt, simulate
 
 SPACING, COUNT = 0.25, 2**13
 AT = SPACING * np.arange(COUNT)
@@ -59,7 +59,7 @@ ROUGH = random(FRA_5, 3, 1.5, 300.0, length=COUNT * SPACING)
 def passing(
     day: int, settlement: float = 0.0, *, error: float = 1e-4, seed: int = 0, at: np.ndarray = AT,
     vehicle: str = "one",
-) -> Pass:  # fmt: skip
+) -> DatedProfile:  # fmt: skip
     """A profile with a settlement over 12 m at 1000 m, and an error that it states."""
     level = ROUGH.at(at)[0] + Dip(1.0, 6.0, 1000.0).at(at)[0] * settlement
     profile = build_profile(
@@ -70,7 +70,7 @@ def passing(
         band_standard_deviations=deviations(error),
         vehicle=vehicle,
     )
-    return Pass(profile, FIRST + timedelta(days=day), f"day {day}, {seed}")
+    return DatedProfile(profile, FIRST + timedelta(days=day), f"day {day}, {seed}")
 
 
 def test_the_dip_is_a_settlement_downwards() -> None:
@@ -79,7 +79,7 @@ def test_the_dip_is_a_settlement_downwards() -> None:
 
 def test_unchanged_track_is_said_to_have_changed_in_one_case_of_twenty() -> None:
     said = [
-        bool(changes([passing(0, seed=2 * k), passing(30, seed=2 * k + 1)], bands=[D1]).places)
+        bool(trend([passing(0, seed=2 * k), passing(30, seed=2 * k + 1)], bands=[D1]).places)
         for k in range(60)
     ]
     assert np.mean(said) <= 0.12  # of 60 cases, 0.05 is known to 0.03
@@ -87,7 +87,7 @@ def test_unchanged_track_is_said_to_have_changed_in_one_case_of_twenty() -> None
 
 def test_settlement_is_found_with_its_depth_and_place() -> None:
     for k in range(10):
-        found = changes([passing(0, seed=k), passing(30, 0.003, seed=50 + k)], bands=[D1])
+        found = trend([passing(0, seed=k), passing(30, 0.003, seed=50 + k)], bands=[D1])
         (place,) = found.places
         assert abs(place.peak - 1000.0) < 2.0
         true = band_pass(Dip(0.003, 6.0, 1000.0).at(AT)[0], SPACING, D1)
@@ -96,7 +96,7 @@ def test_settlement_is_found_with_its_depth_and_place() -> None:
 
 
 def test_change_per_band_is_that_of_the_band_and_its_deviation_is_true() -> None:
-    found = changes([passing(0, seed=7), passing(30, seed=8)])
+    found = trend([passing(0, seed=7), passing(30, seed=8)])
     for name, change in found.bands.items():
         of_error = (change.change / change.deviation)[change.usable]
         assert 0.6 < of_error.std() < 1.5, name
@@ -112,14 +112,14 @@ def test_lag_between_passes_is_found_where_it_drifts() -> None:
     expected = np.interp(found.distance, AT, lag)
     assert np.all(np.abs(found.lag - expected) < 4 * found.deviation)
     assert found.deviation.max() < 0.05
-    compared = changes([passing(0, seed=5), moved], bands=[D1])
+    compared = trend([passing(0, seed=5), moved], bands=[D1])
     assert not compared.places
 
 
 def test_rate_and_date_of_a_limit_follow_a_settlement_that_goes_on() -> None:
     passes = [passing(30 * k, 0.002 * k, seed=20 + k, error=1e-5) for k in range(5)]  # 2 mm a month
     limits = read_limits("en-13848")
-    found = changes(passes, limits, 140 * KM_H, bands=[D1])
+    found = trend(passes, limits, 140 * KM_H, bands=[D1])
     (place,) = found.places
     depth = band_pass(Dip(1.0, 6.0, 1000.0).at(AT)[0], SPACING, D1).min()
     assert place.per_day == pytest.approx(0.002 / 30 * depth, rel=0.02)
@@ -136,7 +136,7 @@ def test_repeatability_is_told_apart_from_reproducibility() -> None:
     passes = [
         passing(0, seed=1), passing(0, seed=2), passing(0, seed=3, vehicle="another"),
     ]  # fmt: skip
-    found = changes(passes, read_limits("en-13848"), 140 * KM_H, bands=[D1])
+    found = trend(passes, read_limits("en-13848"), 140 * KM_H, bands=[D1])
     one, other = found.repeatabilities
     assert (one.same_vehicle, one.pairs) == (True, 1)
     assert (other.same_vehicle, other.pairs) == (False, 2)
@@ -148,7 +148,7 @@ def test_repeatability_is_told_apart_from_reproducibility() -> None:
 def test_passes_that_understate_their_error_are_taken_at_their_scatter() -> None:
     bold = [passing(30 * k, seed=30 + k, error=3e-4) for k in range(2)]
     stated = [replace(one, profile=_stating(one.profile, deviations(1e-4))) for one in bold]
-    found = changes(stated, bands=[D1])
+    found = trend(stated, bands=[D1])
     assert found.bands["D1"].scatter == pytest.approx(3.0, rel=0.2)
     assert any("the passes scatter" in note for note in found.notes)
 
@@ -165,17 +165,17 @@ def _stating(profile: xr.Dataset, spreads: dict[str, np.ndarray]) -> xr.Dataset:
 def test_passes_that_cannot_be_compared_are_refused() -> None:
     one = passing(0)
     with pytest.raises(DataError, match="needs two passes or more, got 1"):
-        changes([one])
+        trend([one])
     with pytest.raises(DataError, match="Two passes are called 'day 0, 0'"):
-        changes([one, one])
+        trend([one, one])
     far = one.profile.assign_coords(
         distance=("distance", AT + 5000.0, one.profile["distance"].attrs)
     )
     with pytest.raises(DataError, match="shares less than 70 m with the first profile"):
-        changes([one, Pass(far, FIRST + timedelta(days=3), "far")])
+        trend([one, DatedProfile(far, FIRST + timedelta(days=3), "far")])
     other = build_profile(AT, coloured(1e-3, 77), kind="point")
     with pytest.raises(DataError, match=r"look(s)? like the first profile"):
-        changes([one, Pass(other, FIRST + timedelta(days=3), "elsewhere")])
+        trend([one, DatedProfile(other, FIRST + timedelta(days=3), "elsewhere")])
 
 
 # With everything real: the full track, its noise, another speed, another start of the odometer
@@ -185,7 +185,7 @@ def inferred(seed: int, settlement: float, speed: float, ahead: float, noise: in
     parts = (random(FRA_5, seed, 1.5, 300.0, length=1000.0), Dip(max(settlement, 1e-9), 6.0, 250.0))
     made = simulate(
         VELARO, LAYERED, Sum(parts),
-        Run(0.0, 500.0, steady(speed), run_in=200.0, every=round(1 / SAMPLING / STEP)),
+        RunSettings(0.0, 500.0, steady(speed), run_in=200.0, every=round(1 / SAMPLING / STEP)),
         newmark(STEP),
     )  # fmt: skip
     generator = np.random.default_rng(noise)
@@ -206,11 +206,14 @@ def inferred(seed: int, settlement: float, speed: float, ahead: float, noise: in
     return infer(recording, VELARO, track=LAYERED, prior=FRA_5, draws=16, seed=noise)
 
 
-def month(seed: int, settlement: float) -> Changes:
+def month(seed: int, settlement: float) -> Trend:
     before = inferred(seed, 0.0, 150 * KM_H, 0.0, 2 * seed)
     after = inferred(seed, settlement, 130 * KM_H, 4.6, 2 * seed + 1)
-    return changes(
-        [Pass(before, FIRST, "before"), Pass(after, FIRST + timedelta(days=30), "after")]
+    return trend(
+        [
+            DatedProfile(before, FIRST, "before"),
+            DatedProfile(after, FIRST + timedelta(days=30), "after"),
+        ]
     )
 
 
@@ -255,10 +258,10 @@ def test_chance_of_detecting_a_settlement_rises_with_its_depth() -> None:
                 )
             )
             passes = [
-                Pass(before, FIRST, "before"),
-                Pass(after, FIRST + timedelta(days=30), "after"),
+                DatedProfile(before, FIRST, "before"),
+                DatedProfile(after, FIRST + timedelta(days=30), "after"),
             ]
-            found = changes(passes, bands=[D1])
+            found = trend(passes, bands=[D1])
             between.append(any(abs(one.peak - 250.0) < 6.0 for one in found.places))
         rates.append((float(np.mean(alone)), float(np.mean(between))))
         sys.stdout.write(

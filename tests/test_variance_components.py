@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from trackprofile.fusion.variance_components import BELIEF, Cells, factors
+from trackprofile.fusion.variance_components import BELIEF, CovarianceCells, factors
 
 Array = np.ndarray
 N = 6
@@ -22,7 +22,7 @@ def drawn(
     seed: int, *, louder: Array = TRUE_LOUDER, shared: tuple[float, ...] = (0.0, 3.0, 0.0),
     change: float = 0.0, count: int = 60, stretches: int = 30, days: Array = DAYS,
     vehicle: Array = VEHICLE,
-) -> Cells:  # fmt: skip
+) -> CovarianceCells:  # fmt: skip
     """Cells of one wave whose passes differ as Σ says, about a level far greater than they do."""
     generator = np.random.default_rng(seed)
     n = days.size
@@ -37,13 +37,13 @@ def drawn(
         t = root[row][:, None] * (level + of_vehicle[vehicle] + moving) + own
         products[row] = t @ t.T / count
     start = 250.0 * np.arange(stretches)
-    return Cells(
+    return CovarianceCells(
         products, told, np.ones(stretches), np.full(stretches, float(count)), start, start + 250.0,
         np.zeros(stretches, int),
     )  # fmt: skip
 
 
-def loss(of: Cells, louder: Array, shared: Array) -> float:
+def loss(of: CovarianceCells, louder: Array, shared: Array) -> float:
     """-2 log of the likelihood of the passes' differences, and of the belief in a common loudness of 1."""
     total = BELIEF * float(np.sum(np.log(louder) + 1 / louder))
     for C, told, count in zip(of.product, of.told, of.count, strict=True):

@@ -10,8 +10,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from trackprofile.positioning.chainage import Way
-from trackprofile.positioning.sources import Fixes, Posts, Rolled, Shown, Sources
+from trackprofile.positioning.chainage import ChainageTable
+from trackprofile.positioning.sources import (
+    DisplayedSpeed,
+    GnssFixes,
+    KilometrePosts,
+    Sources,
+    WheelOdometry,
+)
 
 Array = np.ndarray
 
@@ -116,12 +122,12 @@ def line(seed: int, length: float) -> Line:
     return Line(spacing * np.arange(count), latitude, longitude)
 
 
-def way(one: Ride, posts: bool = False) -> Way:
+def way(one: Ride, posts: bool = False) -> ChainageTable:
     """The line as a table, every 20 m, with posts every kilometre if wanted."""
     kilometres = np.arange(0.0, one.line.distance[-1], 1000.0)
     stands = {"post_distance": kilometres, "kilometre": kilometres / 1000.0} if posts else {}
     thin = slice(None, None, 4)
-    return Way(
+    return ChainageTable(
         **stands,
         point_distance=one.line.distance[thin],
         latitude=one.line.latitude[thin],
@@ -143,11 +149,11 @@ def sources(one: Ride, what: str, world: World | None = None, seed: int = 0) -> 
         found = replace(found, fixes=fixes if "d" in what else replace(fixes, speed=None))
     if "o" in what:
         counted = PULSE * np.floor(rolled / PULSE + 0.5 * seed % 1.0)
-        found = replace(found, rolled=Rolled(one.time, counted, PULSE, 0.03))
+        found = replace(found, rolled=WheelOdometry(one.time, counted, PULSE, 0.03))
     if "s" in what:
         step = 1.0 / 3.6
         shown = step * np.round(np.gradient(rolled, one.time) / step)
-        found = replace(found, shown=Shown(one.time, shown, step, 0.03))
+        found = replace(found, shown=DisplayedSpeed(one.time, shown, step, 0.03))
     if "p" in what:
         found = replace(found, posts=_posts(one, np.random.default_rng([seed, 3])))
     if "w" in what:
@@ -166,7 +172,7 @@ def _rolled(one: Ride, world: World, generator: np.random.Generator) -> Array:
     return np.cumsum(step * (1.0 + creep)) / world.worn + slipped
 
 
-def _fixes(one: Ride, world: World, generator: np.random.Generator) -> Fixes:
+def _fixes(one: Ride, world: World, generator: np.random.Generator) -> GnssFixes:
     """One a second, written once; no fix is an empty cell."""
     rows = np.arange(0, len(one.time), round(1.0 / STEP))
     off = world.scatter * generator.standard_normal((len(rows), 2))
@@ -190,10 +196,10 @@ def _fixes(one: Ride, world: World, generator: np.random.Generator) -> Fixes:
     longitude[lit_rows] = (east + np.degrees(off[:, 0] / across))[lit]
     doppler = one.speed[rows] + 0.1 * generator.standard_normal(len(rows))
     speed[lit_rows] = np.maximum(doppler, 0.0)[lit]
-    return Fixes(one.time, latitude, longitude, speed)
+    return GnssFixes(one.time, latitude, longitude, speed)
 
 
-def _posts(one: Ride, generator: np.random.Generator) -> Posts:
+def _posts(one: Ride, generator: np.random.Generator) -> KilometrePosts:
     """A post each kilometre, 2 m from where it should be, marked 0.2 s early or late."""
     first, last = np.ceil(one.distance[1] / 1000.0 + 0.01), one.distance[-1] / 1000.0
     kilometre = np.arange(first, last)
@@ -201,4 +207,4 @@ def _posts(one: Ride, generator: np.random.Generator) -> Posts:
     moving = np.concatenate([[True], np.diff(one.distance) > 0])
     passed = np.interp(stands, one.distance[moving], one.time[moving])
     late = 0.2 * generator.standard_normal(len(kilometre))
-    return Posts(passed + late, kilometre, deviation=2.0, timing=0.2)
+    return KilometrePosts(passed + late, kilometre, deviation=2.0, timing=0.2)

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from trackprofile.assessment.assess import assess as assess
     from trackprofile.assessment.compare import compare as compare
-    from trackprofile.assessment.trend import changes as changes
+    from trackprofile.assessment.trend import trend as trend
     from trackprofile.calibration.calibrate import calibrate as calibrate
-    from trackprofile.inference.accuracy_limit import limit as limit
+    from trackprofile.inference.accuracy_bound import accuracy_bound as accuracy_bound
     from trackprofile.inference.infer import infer as infer
     from trackprofile.io import read as read
     from trackprofile.io import write as write
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from trackprofile.models.track import LayeredTrack as LayeredTrack
     from trackprofile.models.track import RigidTrack as RigidTrack
     from trackprofile.models.vehicle import Vehicle as Vehicle
-    from trackprofile.reporting import report as report
+    from trackprofile.reporting.report import report as report
     from trackprofile.simulation.simulate import simulate as simulate
 
 __version__ = "0.1.0"
@@ -42,12 +42,12 @@ _HOMES = {
     "Vehicle": "models.vehicle",
     "assess": "assessment.assess",
     "calibrate": "calibration.calibrate",
-    "changes": "assessment.trend",
+    "trend": "assessment.trend",
     "compare": "assessment.compare",
     "infer": "inference.infer",
-    "limit": "inference.accuracy_limit",
+    "accuracy_bound": "inference.accuracy_bound",
     "read": "io",
-    "report": "reporting",
+    "report": "reporting.report",
     "simulate": "simulation.simulate",
     "write": "io",
 }
@@ -60,15 +60,15 @@ __all__ = [
     "Spectrum",
     "Vehicle",
     "__version__",
+    "accuracy_bound",
     "assess",
     "calibrate",
-    "changes",
     "compare",
     "infer",
-    "limit",
     "read",
     "report",
     "simulate",
+    "trend",
     "write",
 ]
 

@@ -27,8 +27,8 @@ from trackprofile.io.model_toml import (
     read_track,
     read_vehicle,
 )
-from trackprofile.kalman.smoother import prepare, smooth, start_of_ride, variances
-from trackprofile.kalman.time_steps import build_ride
+from trackprofile.kalman.smoother import initial_state, kalman_gains, posterior_variances, smooth
+from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.machine import in_one_thread, machine, peak_memory
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Variant
@@ -39,10 +39,10 @@ from trackprofile.models.receptance import point_track
 from trackprofile.models.statespace import state_space
 from trackprofile.models.track import Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.reporting import report
+from trackprofile.reporting.report import report
 from trackprofile.reproduction.cases import bell, model_b, recorded, ridden
 from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import Run, simulate
+from trackprofile.simulation.simulate import RunSettings, simulate
 
 SPEED = 150 / 3.6  # m/s
 SAMPLING = 500.0  # Hz
@@ -162,7 +162,7 @@ def _long_profile() -> xr.Dataset:
 
 
 def _ride(vehicle: Vehicle, track: Track, length: float) -> None:
-    run = Run(0.0, length, steady(SPEED), run_in=0.0, every=10)
+    run = RunSettings(0.0, length, steady(SPEED), run_in=0.0, every=10)
     simulate(vehicle, track, Flat(), run, newmark(PAPERS_STEP))
 
 
@@ -177,15 +177,15 @@ def _smooth(length: float, variance: bool) -> None:
     time_ = np.arange(round(length / SPEED * SAMPLING)) / SAMPLING
     still = np.zeros(len(time_))
     motion = Motion(time_, SPEED * time_, still + SPEED, still)
-    ride = build_ride(system, motion, np.ones((len(time_), len(sensors)), bool), KNOT_SPACING)
+    ride = discretise_run(system, motion, np.ones((len(time_), len(sensors)), bool), KNOT_SPACING)
     offsets = np.array([sensor.offset_standard_deviation for sensor in sensors])
     density = np.array([sensor.noise_density for sensor in sensors], dtype=np.float64)
     noise = (density**2 * SAMPLING / 2)[ride.sensors]
-    prepared = prepare(ride, spectrum, noise, start_of_ride(system, spectrum, ride, offsets))
+    prepared = kalman_gains(ride, spectrum, noise, initial_state(system, spectrum, ride, offsets))
     signals = np.random.default_rng(0).standard_normal((len(ride.rows), 1))
     smooth(prepared, signals)
     if variance:
-        variances(prepared)
+        posterior_variances(prepared)
 
 
 def _of_one_thread(figures: str) -> list[Result]:

@@ -20,7 +20,7 @@ import xarray as xr
 from trackprofile import __version__
 from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
-from trackprofile.inference.blocks import Piece
+from trackprofile.inference.blocks import BlockResult
 from trackprofile.io.atomic import whole_files
 from trackprofile.preprocessing.faults import Fault, FaultKind
 
@@ -28,7 +28,7 @@ _KEY = "of.json"
 _BAND = "band "
 
 
-class Kept(MutableMapping[int, Piece]):
+class CheckpointStore(MutableMapping[int, BlockResult]):
     """The solved blocks of one inference, one file each, in a hidden folder beside the profile that they will be.
 
     A block is there whole or not at all. The folder is made with the first of them.
@@ -37,13 +37,13 @@ class Kept(MutableMapping[int, Piece]):
     def __init__(self, folder: Path, key: str) -> None:
         self.folder, self.key = folder, key
 
-    def __getitem__(self, number: int) -> Piece:
+    def __getitem__(self, number: int) -> BlockResult:
         path = self._path(number)
         if not path.is_file():
             raise KeyError(number)
         return _read(path)
 
-    def __setitem__(self, number: int, piece: Piece) -> None:
+    def __setitem__(self, number: int, piece: BlockResult) -> None:
         if not self.folder.is_dir():
             self.folder.mkdir()
             with whole_files(self.folder / _KEY) as (file,):
@@ -72,7 +72,9 @@ class Kept(MutableMapping[int, Piece]):
         return self.folder / f"{number:06d}.npz"
 
 
-def kept_beside(profile: Path, key: str, *, resume: bool) -> tuple[Kept, tuple[str, ...]]:
+def checkpoint_store(
+    profile: Path, key: str, *, resume: bool
+) -> tuple[CheckpointStore, tuple[str, ...]]:
     """What an interrupted inference left beside the profile that it was to write, and a sentence about it.
 
     Parameters
@@ -84,7 +86,7 @@ def kept_beside(profile: Path, key: str, *, resume: bool) -> tuple[Kept, tuple[s
     ------
     DataError : it belongs to another recording, other options or another version.
     """
-    kept = Kept(profile.with_name(f".{profile.name}.blocks"), key)
+    kept = CheckpointStore(profile.with_name(f".{profile.name}.blocks"), key)
     there = kept.folder.is_dir()
     if resume and not there:
         return kept, ("nothing was left to go on from: starting from the beginning",)
@@ -105,7 +107,7 @@ def kept_beside(profile: Path, key: str, *, resume: bool) -> tuple[Kept, tuple[s
     return kept, (f"going on after {len(kept)} blocks that are there already",)
 
 
-def key_of(recording: xr.Dataset, **given: object) -> str:
+def checkpoint_key(recording: xr.Dataset, **given: object) -> str:
     """A name for all that a result depends on: the recording's numbers, everything given, and this version."""
     seal = hashlib.sha256()
     for name, variable in sorted(recording.variables.items(), key=lambda one: str(one[0])):
@@ -132,7 +134,7 @@ def _tidy(profile: Path, folder: Path) -> None:
             path.unlink()
 
 
-def _arrays(piece: Piece) -> dict[str, np.ndarray]:
+def _arrays(piece: BlockResult) -> dict[str, np.ndarray]:
     """A piece as arrays of numbers, and its texts as bytes of JSON."""
     texts = {
         "faults": [asdict(fault) for fault in piece.faults],
@@ -150,13 +152,13 @@ def _arrays(piece: Piece) -> dict[str, np.ndarray]:
     } | {_BAND + name: values for name, values in piece.bands.items()}
 
 
-def _read(path: Path) -> Piece:
+def _read(path: Path) -> BlockResult:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         texts = json.loads(arrays["texts"].tobytes())
         faults = tuple(Fault(**(one | {"kind": FaultKind(one["kind"])})) for one in texts["faults"])
-        return Piece(
+        return BlockResult(
             arrays["place"], arrays["elevation"], arrays["spread"],
             {name: arrays[_BAND + name] for name in texts["bands"]},
             arrays["flags"], arrays["left"], faults,

@@ -58,7 +58,7 @@ from trackprofile.models.track import LayeredTrack, Track
 from trackprofile.models.vehicle import HEAVE, Vehicle
 from trackprofile.simulation.drive import Drive
 from trackprofile.simulation.mechanics import check_step, mechanics
-from trackprofile.simulation.simulate import Run, Simulation, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, Simulation, felt, simulate
 
 PRESETS = Path(str(files("trackprofile") / "presets" / "scenario"))
 TRUTH_SPACING = 0.25
@@ -76,7 +76,7 @@ class Scenario:
     vehicle: Vehicle
     track: Track
     irregularity: Irregularity
-    run: Run
+    run: RunSettings
     scheme: Scheme
     instruments: tuple[Instrument, ...]
     sampling_interval: float
@@ -85,7 +85,7 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class Made:
+class SimulatedRun:
     """What a scenario made: recording and truth by their contracts, and all that moved."""
 
     recording: xr.Dataset
@@ -138,7 +138,7 @@ def read_scenario(name_or_path: str | Path, seed: int | None = None) -> Scenario
 
 def run_scenario(
     scenario: Scenario, progress: Callable[[str, float], None] = lambda stage, share: None
-) -> Made:
+) -> SimulatedRun:
     """Simulate a scenario and record it.
 
     Examples
@@ -179,10 +179,10 @@ def run_scenario(
     place = TRUTH_SPACING * np.arange(*ends)
     elevation = scenario.irregularity.at(place)[0]
     truth = build_profile(place, elevation, kind="truth", vehicle=scenario.vehicle.name)
-    return Made(with_provenance(recording, said), with_provenance(truth, said), simulation)
+    return SimulatedRun(with_provenance(recording, said), with_provenance(truth, said), simulation)
 
 
-def step_errors(scenario: Scenario, made: Made) -> dict[str, float]:
+def step_errors(scenario: Scenario, made: SimulatedRun) -> dict[str, float]:
     """How much the step costs: by sensor, the exact signal's relative change in L2 when the step is halved.
 
     Both schemes are of second order, so that the error itself is about a third more.
@@ -246,7 +246,7 @@ def _scheme(table: IntegrationTable, sampling_interval: float) -> Scheme:
     return newmark(step) if table.scheme == "newmark" else wilson(step, table.theta)
 
 
-def _run(table: RunTable, sampling_interval: float) -> Run:
+def _run(table: RunTable, sampling_interval: float) -> RunSettings:
     drive = Drive(tuple(one.time for one in table.speed), tuple(one.speed for one in table.speed))
     start, end, run_in = table.start, table.end, table.run_in
     if not end > start:
@@ -258,10 +258,10 @@ def _run(table: RunTable, sampling_interval: float) -> Run:
         raise ModelError(
             f"the run lasts {lasts:.2g} s, less than two samples; lengthen it or sample faster"
         )
-    return Run(start, end, drive, run_in)
+    return RunSettings(start, end, drive, run_in)
 
 
-def _span(run: Run, scheme: Scheme, length: float) -> tuple[float, float]:
+def _span(run: RunSettings, scheme: Scheme, length: float) -> tuple[float, float]:
     """Where a vehicle of that length may ask for the irregularity, m: Wilson's θ looks beyond the end."""
     first = run.start - run.run_in
     until = run.drive.duration(run.end - first) + scheme.theta * scheme.step

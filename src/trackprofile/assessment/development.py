@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from trackprofile.assessment.alignment import LARGEST, Alignment, align, on_common_grid
-from trackprofile.assessment.levels import Reason, band_levels
+from trackprofile.assessment.levels import NotAssessedReason, band_levels
 from trackprofile.assessment.limits import Action
-from trackprofile.assessment.trend import Pass, Reached, limits_reached
+from trackprofile.assessment.trend import DatedProfile, LimitCrossing, limits_reached
 from trackprofile.assessment.trend_fit import Rate, Stack, rate_at, stack
 from trackprofile.bands import Band, edge_distance
 from trackprofile.errors import DataError
@@ -58,7 +58,7 @@ class Development:
     deviation: Array
     rate: Rate | None
     straightness: float | None
-    reached: tuple[Reached, ...]
+    reached: tuple[LimitCrossing, ...]
     left_out: Mapping[str, str]
     distance: Array
     along: Array
@@ -82,7 +82,10 @@ def around(band: Band) -> float:
 
 
 def development(
-    passes: Sequence[Pass], band: Band, at: float, heights: Mapping[Action, float] | None = None
+    passes: Sequence[DatedProfile],
+    band: Band,
+    at: float,
+    heights: Mapping[Action, float] | None = None,
 ) -> Development:
     """Follow a place through the passes over it.
 
@@ -139,13 +142,13 @@ def development(
 class _Told:
     """A pass that tells the place, in the distance of the first, and how it was brought there."""
 
-    one: Pass
+    one: DatedProfile
     moved: xr.Dataset
     alignment: Alignment | None
 
 
 def _telling(
-    passes: Sequence[Pass], band: Band, at: float
+    passes: Sequence[DatedProfile], band: Band, at: float
 ) -> tuple[list[_Told], Mapping[str, str]]:
     """The passes that tell the place, in their order; and why the others do not, by name."""
     told: list[_Told] = []
@@ -164,7 +167,7 @@ def _telling(
     return told, left_out
 
 
-def _aligned(one: Pass, first: xr.Dataset | None) -> _Told:
+def _aligned(one: DatedProfile, first: xr.Dataset | None) -> _Told:
     if first is None:
         return _Told(one, one.profile, None)
     alignment = align(one.profile, first, one.name)
@@ -177,7 +180,7 @@ def _obstacle(profile: xr.Dataset, band: Band, at: float) -> str:
     place = int(np.argmin(np.abs(level.distance - at)))
     if abs(level.distance[place] - at) > level.spacing:
         return "it does not reach there"
-    return Reason(int(level.reasons[place])).words
+    return NotAssessedReason(int(level.reasons[place])).words
 
 
 def _stack(told: Sequence[_Told], band: Band) -> Stack:

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class Reason(IntFlag):
+class NotAssessedReason(IntFlag):
     """Why a place is not assessed in a band; 0 is assessed."""
 
     GAP = 1
@@ -44,19 +44,21 @@ class Reason(IntFlag):
     @property
     def words(self) -> str:
         """Such as ``edge, slow``."""
-        return ", ".join(str(one.name).lower().replace("_", " ") for one in Reason if one & self)
+        return ", ".join(
+            str(one.name).lower().replace("_", " ") for one in NotAssessedReason if one & self
+        )
 
 
 # A flaw of unknown size spoils a band as far as whatever lies beyond an end does.
 _SPREADING = {
-    Quality.UNCONVERGED: Reason.UNCONVERGED,
-    Quality.SATURATED: Reason.SATURATED,
-    Quality.UNEXPLAINED: Reason.UNEXPLAINED,
+    Quality.UNCONVERGED: NotAssessedReason.UNCONVERGED,
+    Quality.SATURATED: NotAssessedReason.SATURATED,
+    Quality.UNEXPLAINED: NotAssessedReason.UNEXPLAINED,
 }
 _IN_PLACE = {
-    Quality.UNCERTAIN: Reason.UNCERTAIN,
-    Quality.EDGE: Reason.EDGE,
-    Quality.SLOW: Reason.SLOW,
+    Quality.UNCERTAIN: NotAssessedReason.UNCERTAIN,
+    Quality.EDGE: NotAssessedReason.EDGE,
+    Quality.SLOW: NotAssessedReason.SLOW,
 }
 
 
@@ -173,10 +175,10 @@ def _reasons(
     reasons = np.zeros(known.size, np.int16)
     reach = int(np.ceil(edge_distance(band) / spacing))
     for piece in runs(known):
-        reasons[piece.start : min(piece.start + reach, piece.stop)] = Reason.EDGE
-        reasons[max(piece.stop - reach, piece.start) : piece.stop] = Reason.EDGE
-    reasons[np.isnan(level)] = Reason.TOO_SHORT
-    reasons[~known] = Reason.GAP
+        reasons[piece.start : min(piece.start + reach, piece.stop)] = NotAssessedReason.EDGE
+        reasons[max(piece.stop - reach, piece.start) : piece.stop] = NotAssessedReason.EDGE
+    reasons[np.isnan(level)] = NotAssessedReason.TOO_SHORT
+    reasons[~known] = NotAssessedReason.GAP
     for flag, reason in _IN_PLACE.items():
         reasons[known & (flags & flag != 0)] |= reason
     for flag, reason in _SPREADING.items():
@@ -208,7 +210,7 @@ class NotAssessed:
     band: str
     start: float
     end: float
-    reasons: Reason
+    reasons: NotAssessedReason
 
 
 def not_assessed(level: BandLevel) -> tuple[NotAssessed, ...]:
@@ -221,7 +223,7 @@ def not_assessed(level: BandLevel) -> tuple[NotAssessed, ...]:
             level.band.name,
             float(level.distance[a]) - half,
             float(level.distance[b - 1]) + half,
-            Reason(int(level.reasons[a])),
+            NotAssessedReason(int(level.reasons[a])),
         )
         for a, b in pairwise(edges)
         if level.reasons[a]

@@ -11,9 +11,9 @@ from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.sections import Section
-from trackprofile.assessment.trend import Changes
+from trackprofile.assessment.trend import Trend
 from trackprofile.contracts import Rail
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 
 Table = dict[str, list[Any]]
 """Columns of equal length, by name."""
@@ -21,7 +21,7 @@ Table = dict[str, list[Any]]
 _MILLI = 1e3
 
 
-def tables(found: Assessment, way: Way) -> dict[str, Table]:
+def tables(found: Assessment, way: ChainageTable) -> dict[str, Table]:
     """All tables of an assessment, by name: ``defects``, ``sections``, ``not_assessed``, ``spectra``.
 
     Examples
@@ -70,7 +70,7 @@ def tables(found: Assessment, way: Way) -> dict[str, Table]:
     }
 
 
-def defect_table(defects: Sequence[Defect], found: Assessment, way: Way) -> Table:
+def defect_table(defects: Sequence[Defect], found: Assessment, way: ChainageTable) -> Table:
     """Of isolated defects, in the order given."""
     rows = []
     for one in defects:
@@ -104,7 +104,7 @@ def defect_table(defects: Sequence[Defect], found: Assessment, way: Way) -> Tabl
     return _columns(rows, [*names, "obliges_to", "limits_verified"])
 
 
-def section_table(sections: Sequence[Section], found: Assessment, way: Way) -> Table:
+def section_table(sections: Sequence[Section], found: Assessment, way: ChainageTable) -> Table:
     """Of standard deviations per section, in the order given."""
     classes = list(dict.fromkeys(name for one in sections for name in one.probabilities))
     rows = []
@@ -146,7 +146,7 @@ def words(action: Action | None) -> str:
     return "" if action is None else action.words
 
 
-def tables_per_rail(found: Mapping[Rail, Assessment], way: Way) -> dict[str, Table]:
+def tables_per_rail(found: Mapping[Rail, Assessment], way: ChainageTable) -> dict[str, Table]:
     """The same of several rails, one below the other, with a column ``rail`` in front."""
     made = {rail: tables(one, way) for rail, one in found.items()}
     joined: dict[str, Table] = {}
@@ -162,7 +162,7 @@ def tables_per_rail(found: Mapping[Rail, Assessment], way: Way) -> dict[str, Tab
     return joined
 
 
-def geojson_per_rail(found: Mapping[Rail, Assessment], way: Way) -> dict[str, Any]:
+def geojson_per_rail(found: Mapping[Rail, Assessment], way: ChainageTable) -> dict[str, Any]:
     """The defects of several rails as points of a map, the rail among their properties."""
     features = []
     for rail, one in found.items():
@@ -172,7 +172,7 @@ def geojson_per_rail(found: Mapping[Rail, Assessment], way: Way) -> dict[str, An
     return {"type": "FeatureCollection", "features": features}
 
 
-def geojson(found: Assessment, way: Way) -> dict[str, Any]:
+def geojson(found: Assessment, way: ChainageTable) -> dict[str, Any]:
     """The defects as points of a map (RFC 7946), those whose place is known.
 
     Examples
@@ -201,7 +201,7 @@ def _columns(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
     return {name: [row[name] for row in rows] for name in names}
 
 
-def _kilometre(way: Way, distance: float) -> float:
+def _kilometre(way: ChainageTable, distance: float) -> float:
     return round(float(way.kilometres(distance)), 4)
 
 
@@ -209,7 +209,7 @@ def _number(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def change_table(found: Changes, way: Way) -> Table:
+def change_table(found: Trend, way: ChainageTable) -> Table:
     """Of places that changed between passes."""
     rows = []
     for one in found.places:
@@ -244,7 +244,7 @@ def change_table(found: Changes, way: Way) -> Table:
     return _columns(rows, names)
 
 
-def repeatability_table(found: Changes) -> Table:
+def repeatability_table(found: Trend) -> Table:
     """Of how passes repeat each other, per band."""
     rows = [
         {

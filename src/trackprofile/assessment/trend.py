@@ -25,7 +25,7 @@ from trackprofile.assessment.limits import (
     unverified,
     unverified_accuracies,
 )
-from trackprofile.assessment.trend_fit import BandChange, Rate, Stack, rate_at, stack, trend
+from trackprofile.assessment.trend_fit import BandChange, Rate, Stack, fit_trend, rate_at, stack
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import DataError
 
@@ -39,7 +39,7 @@ _QUANTILES = (0.975, 0.5, 0.025)
 
 
 @dataclass(frozen=True)
-class Pass:
+class DatedProfile:
     """A profile, the day it was recorded and what it is called."""
 
     profile: xr.Dataset
@@ -48,7 +48,7 @@ class Pass:
 
 
 @dataclass(frozen=True)
-class Reached:
+class LimitCrossing:
     """When a limit is reached if the change goes on; None is not within `HORIZON`.
 
     Parameters
@@ -65,7 +65,7 @@ class Reached:
 
 
 @dataclass(frozen=True)
-class ChangedPlace:
+class ChangedLocation:
     """One place that changed.
 
     Parameters
@@ -87,7 +87,7 @@ class ChangedPlace:
     level: float
     per_day: float | None
     per_day_deviation: float | None
-    reached: tuple[Reached, ...]
+    reached: tuple[LimitCrossing, ...]
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Repeatability:
 
 
 @dataclass(frozen=True)
-class Changes:
+class Trend:
     """Passes over one place, compared.
 
     Parameters
@@ -134,19 +134,19 @@ class Changes:
     passes: tuple[tuple[str, date], ...]
     alignments: Mapping[str, Alignment]
     bands: Mapping[str, BandChange]
-    places: tuple[ChangedPlace, ...]
+    places: tuple[ChangedLocation, ...]
     repeatabilities: tuple[Repeatability, ...]
     notes: tuple[str, ...]
 
 
-def changes(
-    passes: Sequence[Pass],
+def trend(
+    passes: Sequence[DatedProfile],
     limits: Limits | None = None,
     speed: float | None = None,
     *,
     bands: Sequence[Band] = BANDS,
     largest: float = LARGEST,
-) -> Changes:
+) -> Trend:
     """Compare passes over the same place; the earliest is what the others are aligned with.
 
     Parameters
@@ -190,7 +190,7 @@ def changes(
             continue
         of_band = [of_pass[band.name] for of_pass in levels]
         together = stack(band, of_band, tuple(alignments.values()))
-        change = trend(together, days)
+        change = fit_trend(together, days)
         found[band.name] = change
         heights = limits.defects_at(band.name, speed) if limits and speed else None
         places += _places(together, change, days, first.day, heights.heights if heights else {})
@@ -200,7 +200,7 @@ def changes(
         notes += unverified_accuracies(limits, list(found))
         if speed:
             notes += unverified(limits, list(found), speed)
-    return Changes(
+    return Trend(
         tuple((one.name, one.day) for one in ordered),
         alignments,
         found,
@@ -210,7 +210,7 @@ def changes(
     )
 
 
-def _check(passes: Sequence[Pass]) -> None:
+def _check(passes: Sequence[DatedProfile]) -> None:
     if len(passes) < 2:
         raise DataError(f"A change needs two passes or more, got {len(passes)}; add one.")
     names = [one.name for one in passes]
@@ -229,7 +229,7 @@ def _untold(found: Mapping[str, BandChange]) -> list[str]:
 
 def _places(
     together: Stack, change: BandChange, days: Array, first: date, heights: Mapping[Action, float]
-) -> list[ChangedPlace]:
+) -> list[ChangedLocation]:
     beyond = change.usable & (
         np.abs(np.nan_to_num(change.change)) > change.threshold * change.deviation
     )
@@ -240,7 +240,7 @@ def _places(
         rate = rate_at(together, days, top)
         last = float(together.level[-1, top])
         places.append(
-            ChangedPlace(
+            ChangedLocation(
                 band=together.band.name,
                 start=float(change.distance[half.start]),
                 peak=float(change.distance[top]),
@@ -277,7 +277,9 @@ def _groups(beyond: Mask, halves: Sequence[slice]) -> list[slice]:
     return [slice(halves[one[0]].start, halves[one[-1]].stop) for one in pieces if one.size]
 
 
-def limits_reached(rate: Rate, heights: Mapping[Action, float], last: date) -> tuple[Reached, ...]:
+def limits_reached(
+    rate: Rate, heights: Mapping[Action, float], last: date
+) -> tuple[LimitCrossing, ...]:
     """When the level goes beyond each height that lies ahead, on the side to which it moves.
 
     Parameters
@@ -296,12 +298,12 @@ def limits_reached(rate: Rate, heights: Mapping[Action, float], last: date) -> t
             for q in _QUANTILES
         ]  # fmt: skip
         if side * level[0] < height:
-            found.append(Reached(action, height, *by))
+            found.append(LimitCrossing(action, height, *by))
     return tuple(found)
 
 
 def _repeatabilities(
-    together: Stack, passes: Sequence[Pass], limits: Limits | None
+    together: Stack, passes: Sequence[DatedProfile], limits: Limits | None
 ) -> list[Repeatability]:
     required = limits.accuracy(together.band.name) if limits else None
     found = []
@@ -323,5 +325,5 @@ def _repeatabilities(
     return found
 
 
-def _vehicle(one: Pass) -> str:
+def _vehicle(one: DatedProfile) -> str:
     return str(one.profile.attrs.get("vehicle", ""))

@@ -120,7 +120,7 @@ def _line(passes: Stack, days: Array) -> tuple[Array, Array]:
     return np.asarray(gains @ passes.level, np.float64), np.asarray(gains, np.float64)
 
 
-def trend(passes: Stack, days: Array) -> BandChange:
+def fit_trend(passes: Stack, days: Array) -> BandChange:
     """The change over the time between the first and the last pass.
 
     Parameters

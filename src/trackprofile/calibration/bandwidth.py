@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from scipy.signal import butter, fftconvolve, kaiserord, sosfilt, welch
 
 from trackprofile.errors import DataError
-from trackprofile.inference.observations import Measured, Model, moved
+from trackprofile.inference.observations import Model, Observations, leading_wheel_motion
 from trackprofile.models.receptance import FITTED_UP_TO
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum, scaled
@@ -55,7 +55,7 @@ MOVING = 3.0
 
 
 @dataclass(frozen=True)
-class Explained:
+class SpectralFit:
     """What the track explains of one sensor's signal.
 
     Parameters
@@ -80,7 +80,7 @@ class Explained:
         return float(min(above[-1], FITTED_UP_TO)) if above.size else 0.0
 
 
-def explained(data: Sequence[Measured], model: Model) -> tuple[list[Explained], Spectrum]:
+def spectral_fit(data: Sequence[Observations], model: Model) -> tuple[list[SpectralFit], Spectrum]:
     """For each sensor what a profile of the model's spectrum explains, and the spectrum at the level that fits.
 
     The level a, one for all sensors, and the white noises w maximise Whittle's likelihood of the periodograms P,
@@ -103,22 +103,22 @@ def explained(data: Sequence[Measured], model: Model) -> tuple[list[Explained], 
                      options={"xatol": 1e-3, "fatol": 1e-3, "maxiter": 4000}).x  # fmt: skip
     level = float(np.exp(found[0]))
     parts = [
-        Explained(f, P, level * G, float(np.exp(w)) * L, one.noise_density)
+        SpectralFit(f, P, level * G, float(np.exp(w)) * L, one.noise_density)
         for (f, P, G), L, w, one in zip(spectra, passed, found[1:], data[0].sensors, strict=True)
     ]
     return parts, scaled(model.spectrum, level)
 
 
 def _going(
-    one: Measured, model: Model, i: int, interval: float
+    one: Observations, model: Model, i: int, interval: float
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """A signal at even times, the speed there, and where both are good."""
     time, signal, weight = _even(one, i, interval)
-    going = np.interp(time, one.motion.time, moved(one, model).speed)
+    going = np.interp(time, one.motion.time, leading_wheel_motion(one, model).speed)
     return signal, going, (weight > INSIDE) & (going > MOVING)
 
 
-def _segment(data: Sequence[Measured], model: Model, i: int, interval: float) -> int:
+def _segment(data: Sequence[Observations], model: Model, i: int, interval: float) -> int:
     """Samples in a periodogram: fewer where no piece is long."""
     pieces = [piece for one in data for piece in _pieces(_going(one, model, i, interval)[2], 1)]
     longest = interval * max((piece.stop - piece.start for piece in pieces), default=0)
@@ -137,7 +137,7 @@ def _passed(sensor: Sensor, frequency: Array) -> Array:
     return 1 / (1 + (frequency / sensor.bandwidth) ** 4)
 
 
-def _spectra(data: Sequence[Measured], model: Model, i: int) -> tuple[Array, Array, Array]:
+def _spectra(data: Sequence[Observations], model: Model, i: int) -> tuple[Array, Array, Array]:
     """Frequencies, periodogram and what a profile of the model's spectrum would make of one sensor's signal."""
     interval = min(float(np.median(np.diff(one.motion.time))) for one in data)
     count = _segment(data, model, i, interval)
@@ -166,7 +166,7 @@ def _pieces(good: NDArray[np.bool_], least: int) -> list[slice]:
     return [slice(a, b) for a, b in edges.reshape(-1, 2) if b - a >= least]
 
 
-def _even(data: Measured, i: int, interval: float) -> tuple[Array, Array, Array]:
+def _even(data: Observations, i: int, interval: float) -> tuple[Array, Array, Array]:
     """Even times, one signal at them, 0 where it is invalid, and how valid it is there, 0 to 1."""
     time = data.motion.time
     even = np.arange(time[0], time[-1], interval)
@@ -174,7 +174,7 @@ def _even(data: Measured, i: int, interval: float) -> tuple[Array, Array, Array]
     return even, np.interp(even, time, data.signals[:, i] * valid), np.interp(even, time, valid)
 
 
-def limited(data: Measured, highest: Sequence[float]) -> Measured:
+def limit_bandwidth(data: Observations, highest: Sequence[float]) -> Observations:
     """The signals without what lies above some frequency each, at as many samples as that takes.
 
     Where noise is all that lies above, it is cut off sharply. Where the track still speaks there, but the model of it
@@ -221,7 +221,7 @@ def _apart(time: Array, least: float) -> NDArray[np.intp]:
 
 
 def _cut(
-    data: Measured, i: int, interval: float, highest: float
+    data: Observations, i: int, interval: float, highest: float
 ) -> tuple[Array, NDArray[np.bool_]]:
     """A signal through a linear-phase low-pass, and where no invalid sample has a part in it."""
     even, signal, weight = _even(data, i, interval)
@@ -236,7 +236,7 @@ def _cut(
     return np.interp(time, even, through), np.interp(time, even, share) > INSIDE
 
 
-def _low_passed(data: Measured, i: int, interval: float) -> tuple[Array, NDArray[np.bool_]]:
+def _low_passed(data: Observations, i: int, interval: float) -> tuple[Array, NDArray[np.bool_]]:
     """A signal through the model's own low-pass, l̈ + √2 ω l̇ + ω² l = ω² y, and where it has forgotten the invalid."""
     even, signal, weight = _even(data, i, interval)
     fine = np.linspace(even[0], even[-1], FINER * (len(even) - 1) + 1)

@@ -10,31 +10,31 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.calibration.bandwidth import Explained, explained, limited
-from trackprofile.calibration.datasets import informative, passes_of
+from trackprofile.calibration.bandwidth import SpectralFit, limit_bandwidth, spectral_fit
+from trackprofile.calibration.datasets import calibration_runs, most_informative
 from trackprofile.calibration.fitting import (
     Fit,
+    best_fit,
     disagreement,
     fit_mechanics,
     fit_noise,
-    fitted,
-    highest_of,
+    fit_parameters,
 )
-from trackprofile.inference.marginal_likelihood import Pass
+from trackprofile.inference.marginal_likelihood import RunData
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import (
+    DEFAULT_SPECTRUM,
     KNOT_SPACING,
-    USUAL,
     Model,
-    loudness,
-    shaken_channel,
+    first_body_channel,
+    signal_rms,
 )
 from trackprofile.inference.parameters import (
     ORIGIN,
-    Parameter,
+    ModelParameter,
     calibrated_parameters,
-    chosen,
     place_parameters,
+    select_parameters,
     value_of,
     vehicle_parameters,
 )
@@ -69,7 +69,7 @@ FAR = 3.0
 
 
 @dataclass(frozen=True)
-class Estimated:
+class ParameterEstimate:
     """One parameter as found: value and standard error in ``unit``, and where it started."""
 
     name: str
@@ -97,13 +97,13 @@ class Calibration:
 
     vehicle: Vehicle
     installation: Installation
-    estimates: tuple[Estimated, ...]
+    estimates: tuple[ParameterEstimate, ...]
     correlation: Array
     log_likelihood: float
     notes: tuple[str, ...]
     start: Model
     fit: Fit
-    explained: tuple[Explained, ...]
+    explained: tuple[SpectralFit, ...]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: the estimates by name, correlations and notes."""
@@ -168,8 +168,8 @@ def calibrate(
     installation = installation or Installation()
     progress = progress or (lambda stage, share: None)
     recordings = [recording] if isinstance(recording, xr.Dataset) else list(recording)
-    passes, notes = passes_of(recordings, reference, vehicle, installation)
-    passes, said = informative(passes)
+    passes, notes = calibration_runs(recordings, reference, vehicle, installation)
+    passes, said = most_informative(passes)
     notes += said
     given = _started(passes, vehicle, point_track(track or RigidTrack()), installation, prior)
     wanted, start = _to_fit(given, parameters, with_origin=reference is not None), given
@@ -181,12 +181,12 @@ def calibrate(
         notes.append(ONE_SENSOR)
     model = _with_noise(passes, fit, installation, notes, progress)
     notes += _doubts(start, fit)
-    parts, _ = explained([one.data for one in passes], fit.model)
+    parts, _ = spectral_fit([one.data for one in passes], fit.model)
     return _calibration(given, model, fit, installation, tuple(notes), tuple(parts))
 
 
 def _fit(
-    passes: list[Pass], start: Model, wanted: list[Parameter], asked: bool, anyway: bool,
+    passes: list[RunData], start: Model, wanted: list[ModelParameter], asked: bool, anyway: bool,
     notes: list[str], progress: Progress,
 ) -> Fit:  # fmt: skip
     """Fit in the band that the start shows to be usable, and again if the fitted vehicle shows another."""
@@ -196,7 +196,7 @@ def _fit(
     )
     again, after = _in_band(passes, fit.model)
     if any(abs(a - b) > BAND_FOUND * b for a, b in zip(after, highest, strict=True)):
-        fit, highest = fitted(again, start, fit.model, fit.free, progress), after
+        fit, highest = fit_parameters(again, start, fit.model, fit.free, progress), after
     notes += [
         f"usable band of {one.name}: up to {frequency:.1f} Hz, where the track explains more of it than noise does"
         for one, frequency in zip(start.sensors, highest, strict=False)
@@ -204,78 +204,83 @@ def _fit(
     return fit
 
 
-def _in_band(passes: Sequence[Pass], model: Model) -> tuple[list[Pass], list[float]]:
+def _in_band(passes: Sequence[RunData], model: Model) -> tuple[list[RunData], list[float]]:
     """The passes, those without a known profile cut to the usable band; and the band's ends, Hz, one per sensor."""
     unknown = [one.data for one in passes if one.known is None]
     if not unknown:
         return list(passes), []
-    highest = [max(one.highest, LEAST_BAND) for one in explained(unknown, model)[0]]
+    highest = [max(one.highest, LEAST_BAND) for one in spectral_fit(unknown, model)[0]]
     return [
-        one if one.known else replace(one, data=limited(one.data, highest)) for one in passes
+        one if one.known else replace(one, data=limit_bandwidth(one.data, highest))
+        for one in passes
     ], highest
 
 
-def _to_fit(start: Model, names: Sequence[str] | None, *, with_origin: bool) -> list[Parameter]:
+def _to_fit(
+    start: Model, names: Sequence[str] | None, *, with_origin: bool
+) -> list[ModelParameter]:
     """Those of the names; without names, what is unknown of every vehicle."""
     usual = vehicle_parameters(start) + place_parameters(start)
     if not with_origin:
         usual = [one for one in usual if one.name != ORIGIN]
     if names is None:
         return usual
-    return chosen(calibrated_parameters(start), names)
+    return select_parameters(calibrated_parameters(start), names)
 
 
-def _rows_within(length: float, passes: Sequence[Pass]) -> int:
+def _rows_within(length: float, passes: Sequence[RunData]) -> int:
     """Measurement rows per ``length`` m, on average over the recordings."""
     run = sum(one.length for one in passes)
     return round(length * sum(one.data.signals.size for one in passes) / run)
 
 
 def _started(
-    passes: Sequence[Pass], vehicle: Vehicle, track: PointTrack, installation: Installation,
+    passes: Sequence[RunData], vehicle: Vehicle, track: PointTrack, installation: Installation,
     prior: Spectrum | None,
 ) -> Model:  # fmt: skip
     """The model where the fit starts: white noise alone, and the level of an unknown profile."""
     first = passes[0].data
-    spread = loudness(first)
+    spread = signal_rms(first)
     sensors = tuple(
         replace(one, noise_density=0.1 * float(size))
         for one, size in zip(first.sensors, spread, strict=True)
     )
     model = Model(
-        vehicle, track, sensors, installation.origin, 0.0, prior or USUAL, installation.distance_scale
+        vehicle, track, sensors, installation.origin, 0.0, prior or DEFAULT_SPECTRUM, installation.distance_scale
     )  # fmt: skip
     unknown = [one.data for one in passes if one.known is None]
     if not unknown:
         return model
-    parts, spectrum = explained(unknown, model)
+    parts, spectrum = spectral_fit(unknown, model)
     if len(unknown) < len(passes):
         return replace(model, spectrum=spectrum)
     noisy = [_noise(*pair) for pair in zip(first.sensors, parts, strict=True)]
     return replace(model, sensors=tuple(noisy), spectrum=spectrum)
 
 
-def _noise(sensor: Sensor, part: Explained) -> Sensor:
+def _noise(sensor: Sensor, part: SpectralFit) -> Sensor:
     """The sensor with the noise that its signal shows; not less than it states."""
     found = float(np.sqrt(part.noise[0]))
     return replace(sensor, noise_density=max(found, sensor.noise_density or 0.0))
 
 
-def _with_best_origin(passes: Sequence[Pass], start: Model, free: Sequence[Parameter]) -> Model:
+def _with_best_origin(
+    passes: Sequence[RunData], start: Model, free: Sequence[ModelParameter]
+) -> Model:
     """The origin with the highest likelihood on a grid: it has many local maxima, a wave apart."""
     if not any(one.name == ORIGIN for one in free):
         return start
     # Off the knots: where all samples of a distance-sampled recording lie on knots, round-off decides their bays.
     shifts = np.arange(-SEARCHED_ORIGINS, SEARCHED_ORIGINS, 1.0) + 0.45 * KNOT_SPACING
     known = [one for one in passes if one.known]
-    return highest_of(known, [replace(start, origin=start.origin + shift) for shift in shifts])
+    return best_fit(known, [replace(start, origin=start.origin + shift) for shift in shifts])
 
 
 def _with_noise(
-    passes: Sequence[Pass], fit: Fit, installation: Installation, notes: list[str], progress: Progress
+    passes: Sequence[RunData], fit: Fit, installation: Installation, notes: list[str], progress: Progress
 ) -> Model:  # fmt: skip
     """The noise, and what the vehicle's model leaves out, for the fitted vehicle."""
-    on_body = shaken_channel(fit.model.vehicle, fit.model.sensors) is not None
+    on_body = first_body_channel(fit.model.vehicle, fit.model.sensors) is not None
     if any(one.known for one in passes):
         return fit_noise(passes, _noisy(fit.model, installation, on_body=on_body), progress)
     if not on_body:
@@ -288,7 +293,7 @@ def _with_noise(
             "is not told apart from the track"
         )
     shaken = replace(fit.model, unmodelled=unmodelled)
-    return fitted(fit.passes, shaken, shaken, [], progress).model
+    return fit_parameters(fit.passes, shaken, shaken, [], progress).model
 
 
 def _noisy(model: Model, installation: Installation, *, on_body: bool) -> Model:
@@ -317,7 +322,7 @@ def _doubts(start: Model, fit: Fit) -> list[str]:
 
 def _calibration(
     start: Model, model: Model, fit: Fit, installation: Installation, notes: tuple[str, ...],
-    parts: tuple[Explained, ...],
+    parts: tuple[SpectralFit, ...],
 ) -> Calibration:  # fmt: skip
     count = len(fit.free)
     covariance = fit.found.covariance(memory=_rows_within(MEMORY, fit.passes))[:count, :count]
@@ -326,7 +331,7 @@ def _calibration(
     for one, error in zip(fit.free, errors, strict=True):
         first, value = one.get(start), one.get(fit.model)
         scale = value if one.positive else 1.0
-        estimates.append(Estimated(one.name, one.unit, first, value, scale * float(error)))
+        estimates.append(ParameterEstimate(one.name, one.unit, first, value, scale * float(error)))
     fitted = replace(
         installation, origin=model.origin, sensors=model.sensors, unmodelled=model.unmodelled,
         distance_scale=model.distance_scale,

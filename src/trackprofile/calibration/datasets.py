@@ -11,11 +11,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.marginal_likelihood import Pass
-from trackprofile.inference.observations import Measured, measured
+from trackprofile.inference.marginal_likelihood import RunData
+from trackprofile.inference.observations import Observations, observations
 from trackprofile.inference.orientation import expect_as_described
-from trackprofile.inference.outliers import said
-from trackprofile.inference.rail_decomposition import mean_alone
+from trackprofile.inference.outliers import describe_observations
+from trackprofile.inference.rail_decomposition import mean_observations
 from trackprofile.inference.reference import KnownProfile
 from trackprofile.models.sensor import Installation
 from trackprofile.models.vehicle import Vehicle
@@ -32,12 +32,12 @@ SLOWEST = 3.0
 """m/s: below, accelerations drown in the drift of any sensor."""
 
 
-def passes_of(
+def calibration_runs(
     recordings: Sequence[xr.Dataset],
     reference: xr.Dataset | None,
     vehicle: Vehicle,
     installation: Installation,
-) -> tuple[list[Pass], list[str]]:
+) -> tuple[list[RunData], list[str]]:
     """Each recording with the reference where it covers it, and sentences on those that it does not.
 
     Raises
@@ -47,24 +47,27 @@ def passes_of(
     """
     for one in recordings:
         expect_as_described(one, "a calibration")
-    data = [mean_alone(measured(one, installation), vehicle, installation) for one in recordings]
+    data = [
+        mean_observations(observations(one, installation), vehicle, installation)
+        for one in recordings
+    ]
     for i, one in enumerate(data[1:], start=2):
         _expect_same_sensors(data[0], one, i)
     notes = [
         f"recording {i}: {one}" if len(data) > 1 else one
         for i, those in enumerate(data, start=1)
-        for one in said(those)
+        for one in describe_observations(those)
     ]
     if reference is None:
-        return [Pass(one, number=i) for i, one in enumerate(data, start=1)], notes
-    known, passes = KnownProfile.of(reference), list[Pass]()
+        return [RunData(one, number=i) for i, one in enumerate(data, start=1)], notes
+    known, passes = KnownProfile.of(reference), list[RunData]()
     for i, one in enumerate(data, start=1):
         try:
-            passes.append(Pass(known.covered(one, vehicle, installation.origin), known, i))
+            passes.append(RunData(known.covered(one, vehicle, installation.origin), known, i))
         except DataError as error:
             if len(data) == 1:
                 raise
-            passes.append(Pass(one, number=i))
+            passes.append(RunData(one, number=i))
             notes.append(f"recording {i} is used without the reference: {error}")
     if all(one.known is None for one in passes):
         raise DataError(
@@ -73,7 +76,7 @@ def passes_of(
     return passes, notes
 
 
-def _expect_same_sensors(first: Measured, other: Measured, number: int) -> None:
+def _expect_same_sensors(first: Observations, other: Observations, number: int) -> None:
     names, others = ([one.name for one in each.sensors] for each in (first, other))
     if names != others:
         raise DataError(
@@ -82,7 +85,9 @@ def _expect_same_sensors(first: Measured, other: Measured, number: int) -> None:
         )
 
 
-def informative(passes: Sequence[Pass], most: float = ENOUGH) -> tuple[list[Pass], list[str]]:
+def most_informative(
+    passes: Sequence[RunData], most: float = ENOUGH
+) -> tuple[list[RunData], list[str]]:
     """Those with a known profile, and of the others the stretches that tell most, and a sentence if any is left out.
 
     A stretch tells by its waves and its speed: of each quarter of the speeds the loudest stretches are taken in turn.
@@ -101,7 +106,7 @@ def informative(passes: Sequence[Pass], most: float = ENOUGH) -> tuple[list[Pass
     return [*fixed, *chosen], [note]
 
 
-def short(passes: Sequence[Pass], most: float) -> list[Pass]:
+def shortened(passes: Sequence[RunData], most: float) -> list[RunData]:
     """A piece of each pass, together ``most`` m: enough to come near the maximum fast."""
     share = most / sum(one.length for one in passes)
     if share >= 0.7:
@@ -109,32 +114,32 @@ def short(passes: Sequence[Pass], most: float) -> list[Pass]:
     return [_middle(one, share * one.length) for one in passes]
 
 
-def _middle(one: Pass, length: float) -> Pass:
+def _middle(one: RunData, length: float) -> RunData:
     at = one.data.motion.distance
     centre = 0.5 * (at[0] + at[-1])
     return _between(one, centre - 0.5 * length, centre + 0.5 * length)
 
 
-def _stretches(one: Pass) -> list[Pass]:
+def _stretches(one: RunData) -> list[RunData]:
     at = one.data.motion.distance
     edges = np.arange(at[0], at[-1] - 0.5 * STRETCH, STRETCH)
     return [_between(one, a, a + STRETCH) for a in edges]
 
 
-def _between(one: Pass, begin: float, end: float) -> Pass:
+def _between(one: RunData, begin: float, end: float) -> RunData:
     data = one.data
     rows = slice(*np.searchsorted(data.motion.distance, [begin, end]))
     return replace(one, data=data.part(rows))
 
 
-def _speed(one: Pass) -> float:
+def _speed(one: RunData) -> float:
     return float(np.median(one.data.motion.speed))
 
 
-def _loudness(one: Pass) -> float:
+def _loudness(one: RunData) -> float:
     return float(np.sum(np.std(one.data.signals, axis=0)))
 
 
-def _split(pieces: list[Pass], count: int) -> list[list[Pass]]:
+def _split(pieces: list[RunData], count: int) -> list[list[RunData]]:
     edges = [round(i * len(pieces) / count) for i in range(count + 1)]
     return [pieces[a:b] for a, b in pairwise(edges)]

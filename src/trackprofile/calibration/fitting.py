@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from trackprofile.calibration.datasets import short
-from trackprofile.calibration.identifiability import LITTLE, NOTHING, marginal, told
-from trackprofile.inference.marginal_likelihood import Pass, innovations_of, rows_of
+from trackprofile.calibration.datasets import shortened
+from trackprofile.calibration.identifiability import LITTLE, NOTHING, identified, marginal
+from trackprofile.inference.marginal_likelihood import RunData, pooled_innovations, row_counts
 from trackprofile.inference.maximum_likelihood import (
     Maximum,
     Progress,
@@ -21,12 +21,12 @@ from trackprofile.inference.maximum_likelihood import (
 )
 from trackprofile.inference.observations import Model
 from trackprofile.inference.parameters import (
-    Parameter,
-    changed,
+    ModelParameter,
     noise_parameters,
     prior_parameters,
     residual_parameters,
     values_of,
+    with_values,
 )
 
 Array = NDArray[np.float64]
@@ -72,15 +72,15 @@ class Fit:
     found : the maximum
     """
 
-    passes: list[Pass]
+    passes: list[RunData]
     model: Model
-    free: list[Parameter]
-    every: list[Parameter]
+    free: list[ModelParameter]
+    every: list[ModelParameter]
     found: Maximum
 
 
 def fit_mechanics(
-    passes: Sequence[Pass], centre: Model, free: list[Parameter], *, asked: bool, anyway: bool,
+    passes: Sequence[RunData], centre: Model, free: list[ModelParameter], *, asked: bool, anyway: bool,
     notes: list[str], progress: Progress,
 ) -> Fit:  # fmt: skip
     """Fit vehicle and places together with white noise; hold what the data do not tell, and fit the rest again.
@@ -96,21 +96,21 @@ def fit_mechanics(
         free = _told_at_all(passes, centre, free, asked, notes)
     start = _best_start(passes, centre, free, notes, progress)
     while True:
-        fit = fitted(passes, centre, start, free, progress)
+        fit = fit_parameters(passes, centre, start, free, progress)
         if anyway:
             return fit
         count, precision = len(free), fit.found.precision
         information = marginal(fit.found.slopes.information, precision, count)
-        left, said = told(information, free, LITTLE, asked=asked)
+        left, said = identified(information, free, LITTLE, asked=asked)
         if len(left) == count:
             return fit
         notes.extend(said)
         lost = [one for one in free if one not in left]
-        start, free = changed(fit.model, lost, values_of(centre, lost)), left
+        start, free = with_values(fit.model, lost, values_of(centre, lost)), left
 
 
-def fitted(
-    passes: Sequence[Pass], centre: Model, start: Model, free: list[Parameter], progress: Progress,
+def fit_parameters(
+    passes: Sequence[RunData], centre: Model, start: Model, free: list[ModelParameter], progress: Progress,
     enough: float = 1e-3,
 ) -> Fit:  # fmt: skip
     """The maximum over ``free``, the noise, and the level where the profile is unknown."""
@@ -118,16 +118,16 @@ def fitted(
     precision = np.array([one.spread**-2 for one in every])
 
     def of(at: Array) -> tuple[Array, Array]:
-        return innovations_of(passes, changed(start, every, at))
+        return pooled_innovations(passes, with_values(start, every, at))
 
     found = maximise(
         of, values_of(start, every), values_of(centre, every), precision,
         lambda share: progress("fitting the vehicle", share), enough,
     )  # fmt: skip
-    return Fit(list(passes), changed(start, every, found.parameters), free, every, found)
+    return Fit(list(passes), with_values(start, every, found.parameters), free, every, found)
 
 
-def nuisances(passes: Sequence[Pass], centre: Model) -> list[Parameter]:
+def nuisances(passes: Sequence[RunData], centre: Model) -> list[ModelParameter]:
     """The noise, and the prior's level where a profile is unknown."""
     noise = noise_parameters(replace(centre, unmodelled=0.0)) + residual_parameters(centre)
     if all(one.known for one in passes):
@@ -136,21 +136,27 @@ def nuisances(passes: Sequence[Pass], centre: Model) -> list[Parameter]:
 
 
 def _told_at_all(
-    passes: Sequence[Pass], start: Model, free: list[Parameter], asked: bool, notes: list[str]
-) -> list[Parameter]:
+    passes: Sequence[RunData],
+    start: Model,
+    free: list[ModelParameter],
+    asked: bool,
+    notes: list[str],
+) -> list[ModelParameter]:
     """Without what no fit could tell, whatever the values."""
-    some = passes if any(one.known for one in passes) else short(passes, SHORT)
+    some = passes if any(one.known for one in passes) else shortened(passes, SHORT)
     every = [*free, *nuisances(passes, start)]
     at = values_of(start, every)
-    information = slopes(lambda at: innovations_of(some, changed(start, every, at)), at).information
+    information = slopes(
+        lambda at: pooled_innovations(some, with_values(start, every, at)), at
+    ).information
     precision = np.array([one.spread**-2 for one in every])
-    left, said = told(marginal(information, precision, len(free)), free, NOTHING, asked=asked)
+    left, said = identified(marginal(information, precision, len(free)), free, NOTHING, asked=asked)
     notes.extend(said)
     return left
 
 
 def _best_start(
-    passes: Sequence[Pass], centre: Model, free: list[Parameter], notes: list[str], progress: Progress
+    passes: Sequence[RunData], centre: Model, free: list[ModelParameter], notes: list[str], progress: Progress
 ) -> Model:  # fmt: skip
     """Near the highest of the maxima that several starts lead to on a short piece.
 
@@ -158,13 +164,14 @@ def _best_start(
     """
     if any(one.known for one in passes):
         return centre
-    some = short(passes, SHORT)
+    some = shortened(passes, SHORT)
     generator = np.random.default_rng(0)
     scatter = SCATTER * np.array([one.spread for one in free])
     starts = [values_of(centre, free)]
     starts += [starts[0] + scatter * generator.standard_normal(len(free)) for _ in range(STARTS)]
     fits = [
-        fitted(some, centre, changed(centre, free, at), free, progress, COARSE) for at in starts
+        fit_parameters(some, centre, with_values(centre, free, at), free, progress, COARSE)
+        for at in starts
     ]
     heights = [height(fit, centre) for fit in fits]
     best = int(np.argmax(heights))
@@ -203,7 +210,7 @@ def disagreement(fit: Fit) -> list[str]:
     passes = fit.passes
     if len(passes) < 2:
         return []
-    sizes = rows_of(passes)
+    sizes = row_counts(passes)
     cuts = np.cumsum(sizes)[:-1]
     prior = np.diag(fit.found.precision)
     worst, said = 0.0, []
@@ -225,23 +232,23 @@ def disagreement(fit: Fit) -> list[str]:
     return said
 
 
-def fit_noise(passes: Sequence[Pass], model: Model, progress: Progress) -> Model:
+def fit_noise(passes: Sequence[RunData], model: Model, progress: Progress) -> Model:
     """The noise under which the known profiles are most probable, given the signals.
 
     log p(r|y) = log p(y|r) - log p(y) + log p(r), of which the last does not depend on the noise. Unlike
     p(y|r) alone, the difference is not swayed by what in the signals tells nothing of the track.
     """
     given = [one for one in passes if one.known]
-    free = [Pass(one.data) for one in given]
+    free = [RunData(one.data) for one in given]
     spectrum = next(one.known.spectrum for one in given if one.known)
     noise = noise_parameters(model)
     centre = values_of(model, noise)
     precision = np.array([one.spread**-2 for one in noise])
 
     def improbability(at: Array) -> float:
-        trial = replace(changed(model, noise, at), spectrum=spectrum)
-        sure = log_likelihood(*innovations_of(given, trial))
-        unsure = log_likelihood(*innovations_of(free, trial))
+        trial = replace(with_values(model, noise, at), spectrum=spectrum)
+        sure = log_likelihood(*pooled_innovations(given, trial))
+        unsure = log_likelihood(*pooled_innovations(free, trial))
         return unsure - sure + 0.5 * float(np.sum(precision * (at - centre) ** 2))
 
     progress("fitting the noise", 0.0)
@@ -251,10 +258,10 @@ def fit_noise(passes: Sequence[Pass], model: Model, progress: Progress) -> Model
         options={"xatol": 0.05, "fatol": 0.3, "initial_simplex": simplex},
     )  # fmt: skip
     progress("fitting the noise", 1.0)
-    return changed(model, noise, found.x)
+    return with_values(model, noise, found.x)
 
 
-def highest_of(passes: Sequence[Pass], trials: Sequence[Model]) -> Model:
+def best_fit(passes: Sequence[RunData], trials: Sequence[Model]) -> Model:
     """The most likely of some models."""
-    heights: list[float] = [log_likelihood(*innovations_of(passes, trial)) for trial in trials]
+    heights: list[float] = [log_likelihood(*pooled_innovations(passes, trial)) for trial in trials]
     return trials[int(np.argmax(heights))]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import UndeterminedError
-from trackprofile.inference.parameters import Parameter
+from trackprofile.inference.parameters import ModelParameter
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def marginal(information: Array, precision: Array, count: int) -> Array:
     return information[a, a] - information[a, b] @ np.linalg.solve(others, information[b, a])
 
 
-def untold(information: Array, free: Sequence[Parameter], least: float) -> list[int] | None:
+def untold(information: Array, free: Sequence[ModelParameter], least: float) -> list[int] | None:
     """Parameters of the direction that the data tell least, the most involved first; None if it is told.
 
     A direction is told if its eigenvalue of the information, in units of the prior's, exceeds ``least``.
@@ -57,9 +57,9 @@ def untold(information: Array, free: Sequence[Parameter], least: float) -> list[
     return [worst, *others]
 
 
-def told(
-    information: Array, free: Sequence[Parameter], least: float, *, asked: bool
-) -> tuple[list[Parameter], list[str]]:
+def identified(
+    information: Array, free: Sequence[ModelParameter], least: float, *, asked: bool
+) -> tuple[list[ModelParameter], list[str]]:
     """Leave out, one by one, what the data do not tell, and say so.
 
     Raises
@@ -83,7 +83,7 @@ def told(
     return left, notes
 
 
-def undetermined(free: Sequence[Parameter], lost: Sequence[int]) -> UndeterminedError:
+def undetermined(free: Sequence[ModelParameter], lost: Sequence[int]) -> UndeterminedError:
     """That a parameter was asked for that the data do not tell."""
     names = ", ".join(repr(free[i].name) for i in lost)
     if len(lost) == 1:
@@ -95,7 +95,7 @@ def undetermined(free: Sequence[Parameter], lost: Sequence[int]) -> Undetermined
     )
 
 
-def held(free: Sequence[Parameter], lost: Sequence[int]) -> str:
+def held(free: Sequence[ModelParameter], lost: Sequence[int]) -> str:
     """That a parameter is held, in a sentence."""
     name, others = free[lost[0]].name, ", ".join(free[i].name for i in lost[1:])
     return f"{name} is held at its start: the data do not tell it" + (

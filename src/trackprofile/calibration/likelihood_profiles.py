@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.calibration.fitting import Fit
-from trackprofile.inference.marginal_likelihood import innovations_of
+from trackprofile.inference.marginal_likelihood import pooled_innovations
 from trackprofile.inference.maximum_likelihood import log_likelihood
 from trackprofile.inference.observations import Model
-from trackprofile.inference.parameters import changed, values_of
+from trackprofile.inference.parameters import values_of, with_values
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,9 @@ def likelihood_profiles(fit: Fit, centre: Model) -> tuple[LikelihoodProfile, ...
     C = fit.found.covariance()
 
     def height(at: Array) -> float:
-        likelihood = log_likelihood(*innovations_of(fit.passes, changed(fit.model, fit.every, at)))
+        likelihood = log_likelihood(
+            *pooled_innovations(fit.passes, with_values(fit.model, fit.every, at))
+        )
         return likelihood - 0.5 * float(np.sum(fit.found.precision * (at - mean) ** 2))
 
     top, profiles = height(at), []

@@ -102,12 +102,12 @@ def limit(
     as_json: Json = False,
 ) -> None:
     """State the least error per band that any method could reach with these sensors."""
-    from trackprofile.inference.accuracy_limit import limit_per_rail
+    from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
     from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 
     metres_per_second = _speed(speed)
     car, _ = read_vehicle(vehicle)
-    least = limit_per_rail(
+    least = accuracy_bound_per_rail(
         car, read_track(track), read_sensors(sensors), metres_per_second, read_spectrum(prior)
     )
     bands = {

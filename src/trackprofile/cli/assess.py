@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from trackprofile.assessment.assess import Assessment
     from trackprofile.assessment.limits import Limits
-    from trackprofile.assessment.trend import Changes, Pass
+    from trackprofile.assessment.trend import DatedProfile, Trend
     from trackprofile.contracts import Rail
-    from trackprofile.positioning.chainage import Way
+    from trackprofile.positioning.chainage import ChainageTable
 
 TABLES = ("defects", "sections", "not_assessed", "spectra")
 CHANGE_TABLES = ("changes", "repeatability")
@@ -135,8 +135,8 @@ def report(
     as_json: Json = False,
 ) -> None:
     """Write a report that needs no network: what is wrong, where, how sure, what it obliges to."""
-    from trackprofile.reporting import report as write_report
-    from trackprofile.reporting import report_files
+    from trackprofile.reporting.report import report as write_report
+    from trackprofile.reporting.report import report_files
     from trackprofile.reporting.summary import headline, summary
 
     report_files(*output)
@@ -206,12 +206,12 @@ def changes(
         show.say(f"Tables in {', '.join(map(str, files))}.")
 
 
-def way_of(path: Path | None) -> Way:
+def way_of(path: Path | None) -> ChainageTable:
     """Kilometre posts and coordinates from a file; without one, the distance itself."""
-    from trackprofile.io.chainage_table import read_way
-    from trackprofile.positioning.chainage import Way
+    from trackprofile.io.chainage_table import read_chainage
+    from trackprofile.positioning.chainage import ChainageTable
 
-    return Way() if path is None else read_way(path)
+    return ChainageTable() if path is None else read_chainage(path)
 
 
 def _each_rail(
@@ -225,7 +225,7 @@ def _each_rail(
     return {Rail(one): judged(profile, limits, speed, passes, one) for one in rails}, apart
 
 
-def _sentences(each: Mapping[Rail, Assessment], along: Way, *, apart: bool) -> list[str]:
+def _sentences(each: Mapping[Rail, Assessment], along: ChainageTable, *, apart: bool) -> list[str]:
     """The summary, rail by rail."""
     from trackprofile.reporting.summary import summary
 
@@ -261,9 +261,9 @@ def _assessed(
     return judged(between(read_as(path, "profile"), from_m, to_m), limits, speed, passes, rail)
 
 
-def dated(text: str, rail: JudgedRail | None = None) -> Pass:
+def dated(text: str, rail: JudgedRail | None = None) -> DatedProfile:
     """A pass of PROFILE=DAY, named after the file."""
-    from trackprofile.assessment.trend import Pass
+    from trackprofile.assessment.trend import DatedProfile
     from trackprofile.contracts import Rail, of_rail
 
     path, _, day = text.rpartition("=")
@@ -274,12 +274,12 @@ def dated(text: str, rail: JudgedRail | None = None) -> Pass:
             f"{text}: expected a profile and its day, such as may.nc=2026-05-31, got {text!r}."
         ) from error
     profile = of_rail(read_as(Path(path), "profile"), Rail(rail or JudgedRail.MEAN))
-    return Pass(profile, when, Path(path).name)
+    return DatedProfile(profile, when, Path(path).name)
 
 
-def _changed(passes: list[Pass], limits: str, speed: str | None) -> Changes:
+def _changed(passes: list[DatedProfile], limits: str, speed: str | None) -> Trend:
     from trackprofile.assessment.limits_toml import read_limits
-    from trackprofile.assessment.trend import changes as compared
+    from trackprofile.assessment.trend import trend as compared
     from trackprofile.units import quantity
 
     rules: Limits = read_limits(limits)

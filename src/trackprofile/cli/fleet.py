@@ -15,7 +15,7 @@ from trackprofile.cli.options import Json
 from trackprofile.errors import FileError
 
 if TYPE_CHECKING:
-    from trackprofile.fleet.batch import Night, Standing, Told
+    from trackprofile.fleet.batch import BatchProgress, BatchResult, ProgressCallback
 
 PAGE = ".html"
 BETWEEN_LINES = 60.0
@@ -58,11 +58,11 @@ def fleet(
     What the store has is not computed again: the same command goes on after whatever stopped it. A recording that
     fails is a row with its reason.
     """
-    from trackprofile.fleet.batch import night
+    from trackprofile.fleet.batch import run_batch
     from trackprofile.fleet.cluster import existing, local
-    from trackprofile.fleet.conflicts import check_claims
+    from trackprofile.fleet.conflicts import check_conflicts
     from trackprofile.fleet.manifest import read_manifest
-    from trackprofile.store import build_index, create, tidy
+    from trackprofile.store import build_index, clean, create
 
     if scheduler is not None and (workers is not None or memory != "auto"):
         raise FileError(
@@ -71,17 +71,17 @@ def fleet(
     files = output or [manifest.with_name(f"{manifest.stem}-fleet{PAGE}")]
     _check_files(files)
     rows = read_manifest(manifest)
-    check_claims(rows)
+    check_conflicts(rows)
     cluster = local(workers, memory, retries) if scheduler is None else existing(scheduler)
     try:
         with show.progress_bars() as bars, cluster as client:
             place = create(store if "://" in store else str(Path(store).absolute()))
-            done = night(rows, place, client, retries, _telling(bars))
+            done = run_batch(rows, place, client, retries, _telling(bars))
     except KeyboardInterrupt:
         show.note(["Interrupted: what is in the store stays, and the same command goes on."])
         raise typer.Exit(INTERRUPTED_EXIT) from None
     _tell(done, _write(done, manifest, files), as_json)
-    tidy(place)
+    clean(place)
     build_index(place)
     if not any(one.entry for one in done.outcomes):
         raise typer.Exit(1)
@@ -100,7 +100,7 @@ def _check_files(files: list[Path]) -> None:
             table_files(path, TABLES)
 
 
-def _write(done: Night, manifest: Path, files: list[Path]) -> list[Path]:
+def _write(done: BatchResult, manifest: Path, files: list[Path]) -> list[Path]:
     from trackprofile.fleet.batch_html import html
     from trackprofile.fleet.batch_tables import TABLES, recordings
     from trackprofile.io.atomic import whole_files
@@ -117,7 +117,7 @@ def _write(done: Night, manifest: Path, files: list[Path]) -> list[Path]:
     return written
 
 
-def _tell(done: Night, written: list[Path], as_json: bool) -> None:
+def _tell(done: BatchResult, written: list[Path], as_json: bool) -> None:
     from trackprofile.fleet.batch_tables import recordings, sentences
     from trackprofile.fleet.job import State
 
@@ -143,13 +143,13 @@ def _tell(done: Night, written: list[Path], as_json: bool) -> None:
     show.say(f"See {', '.join(map(str, written))}.")
 
 
-def _telling(bars: Callable[[str, float], None] | None) -> Told:
+def _telling(bars: Callable[[str, float], None] | None) -> ProgressCallback:
     """How far the night is: a bar where somebody looks, else a line now and then."""
     from trackprofile.fleet.batch_tables import standing
 
     last = time.monotonic()
 
-    def tell(now: Standing) -> None:
+    def tell(now: BatchProgress) -> None:
         nonlocal last
         if bars is not None:
             bars("recordings", now.ended / now.total)

@@ -15,7 +15,7 @@ from trackprofile.cli.options import From, Json, To, day_of
 from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
-    from trackprofile.assessment.trend import Pass
+    from trackprofile.assessment.trend import DatedProfile
     from trackprofile.fusion.fuse import Fused
 
 Profiles = Annotated[
@@ -70,11 +70,11 @@ def fuse(
     show.say(f"Profile in {', '.join(map(str, files))}.")
 
 
-def _between(one: Pass, from_m: float | None, to_m: float | None) -> Pass:
-    from trackprofile.assessment.trend import Pass
+def _between(one: DatedProfile, from_m: float | None, to_m: float | None) -> DatedProfile:
+    from trackprofile.assessment.trend import DatedProfile
     from trackprofile.contracts import between
 
-    return Pass(between(one.profile, from_m, to_m), one.day, one.name)
+    return DatedProfile(between(one.profile, from_m, to_m), one.day, one.name)
 
 
 def _stored(
@@ -84,9 +84,9 @@ def _stored(
     days: tuple[date | None, ...],
     from_m: float | None,
     to_m: float | None,
-) -> list[Pass]:
+) -> list[DatedProfile]:
     """The passes of a line in a store; what was fused before is none."""
-    from trackprofile.assessment.trend import Pass
+    from trackprofile.assessment.trend import DatedProfile
     from trackprofile.contracts.rates import FUSED
     from trackprofile.store import find, open_store, read_profile
 
@@ -95,7 +95,7 @@ def _stored(
         store, line=line, direction=direction, first=days[0], last=days[1], start=from_m, end=to_m
     )
     passes = [
-        Pass(read_profile(store, one, from_m, to_m), one.day, one.id)
+        DatedProfile(read_profile(store, one, from_m, to_m), one.day, one.id)
         for one in entries
         if not one.origin.method.startswith(FUSED)
     ]

@@ -15,7 +15,7 @@ from trackprofile.cli.options import From, Json, OptionalVehicle, To, TrackName,
 from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
-    from trackprofile.checkpoint import Kept
+    from trackprofile.checkpoint import CheckpointStore
 
 INTERRUPTED_EXIT = 130
 """As a shell has it of what ends by Ctrl-C."""
@@ -78,11 +78,11 @@ def infer(
     method that the smoother replaces, gives no uncertainty. A long run keeps what it has solved in a hidden folder
     beside PROFILE until it ends.
     """
-    from trackprofile.checkpoint import kept_beside, key_of
+    from trackprofile.checkpoint import checkpoint_key, checkpoint_store
     from trackprofile.contracts import between
     from trackprofile.inference.infer import estimate
     from trackprofile.io.model_toml import read_spectrum, read_track
-    from trackprofile.io.vehicle_of_recording import carrier
+    from trackprofile.io.vehicle_of_recording import vehicle_of_recording
     from trackprofile.methods.cross_entropy import search as searches
     from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
     from trackprofile.methods.cross_entropy.search_toml import read_search
@@ -91,7 +91,7 @@ def infer(
     _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)
     estimate_files(output)
     measured = read_as(recording, "recording")
-    car, installation = carrier(measured, recording, vehicle)
+    car, installation = vehicle_of_recording(measured, recording, vehicle)
     support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
     settings = None if search is None else read_search(search)
     measured = between(measured, from_m, to_m)
@@ -104,7 +104,9 @@ def infer(
         stopped = found.stopped
     else:
         both |= {"prior": spectrum, "draws": draws, "correct": correct, "load": load}
-        kept, said = kept_beside(output, key_of(measured, vehicle=car, **both), resume=resume)
+        kept, said = checkpoint_store(
+            output, checkpoint_key(measured, vehicle=car, **both), resume=resume
+        )
         show.note(said)
         with show.progress_bars() as progress, _interruptible(kept):
             found = estimate(measured, car, **both, progress=progress, kept=kept)
@@ -121,7 +123,7 @@ def infer(
 
 
 @contextmanager
-def _interruptible(kept: Kept | None) -> Iterator[None]:
+def _interruptible(kept: CheckpointStore | None) -> Iterator[None]:
     """Ctrl-C ends the command with what to do to go on."""
     try:
         yield

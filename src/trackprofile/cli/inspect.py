@@ -61,7 +61,7 @@ def _row(content: Content) -> tuple[str, ...]:
 
 def _about(found: Inspection) -> list[str]:
     """What a recording read in this way would be, and what is wrong with it."""
-    from trackprofile.inference.outliers import told
+    from trackprofile.inference.outliers import describe_faults
     from trackprofile.preprocessing.motion import motion
 
     if found.recording is None:
@@ -75,7 +75,7 @@ def _about(found: Inspection) -> list[str]:
         *(f"{note[0].upper()}{note[1:]}." for note in found.notes),
         *(
             f"{note[0].upper()}{note[1:]}."
-            for note in told(found.faults, motion(recording).distance)
+            for note in describe_faults(found.faults, motion(recording).distance)
         ),
     ]
 

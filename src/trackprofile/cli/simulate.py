@@ -50,17 +50,21 @@ def simulate(
 
     Beside RECORDING a page (.html) and a picture (.png) of the same name show what happened.
     """
-    from trackprofile.reporting.result_files import made_files, made_summary, write_made
+    from trackprofile.reporting.result_files import (
+        simulation_files,
+        simulation_summary,
+        write_simulation,
+    )
     from trackprofile.scenario import read_scenario, run_scenario, step_errors
 
-    made_files(output, truth)
+    simulation_files(output, truth)
     ready = read_scenario(scenario, seed)
     with show.progress_bars() as progress:
         made = run_scenario(ready, progress or (lambda stage, share: None))
     changes = step_errors(ready, made) if check_step else {}
     title = f"Simulation {ready.name}: {ready.vehicle.name}"
-    files = list(map(str, write_made(made, output, truth, title)))
-    result = {"files": files} | made_summary(made, changes)
+    files = list(map(str, write_simulation(made, output, truth, title)))
+    result = {"files": files} | simulation_summary(made, changes)
     if as_json:
         show.as_one_object(result)
         return

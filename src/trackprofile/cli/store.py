@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trackprofile.assessment.assess import Assessment
-    from trackprofile.positioning.chainage import Way
+    from trackprofile.positioning.chainage import ChainageTable
     from trackprofile.store import Entry, Origin, Store
 
 PASSES = "passes"
@@ -71,7 +71,7 @@ def add(
     """Assess a profile and store both; the same again changes nothing. A store that is not there is begun."""
     from trackprofile import store as stores
 
-    place = stores.Place(line, direction, day_of(day), run)
+    place = stores.PassKey(line, direction, day_of(day), run)
     measured, along = read_as(profile, "profile"), way_of(way)
     found = judged(measured, limits, speed, passes)
     origin = _origin(measured, profile.name, found, along, revision)
@@ -242,7 +242,7 @@ def tidy(
 
     older = timedelta(0) if now else stores.LIVING
     store = stores.open_store(at)
-    removed, gathered = stores.tidy(store, older), stores.build_index(store)
+    removed, gathered = stores.clean(store, older), stores.build_index(store)
     if as_json:
         show.as_one_object({"removed": list(removed), "index": gathered})
         return
@@ -251,7 +251,9 @@ def tidy(
     show.say(f"{len(removed)} files removed.")
 
 
-def _origin(profile: xr.Dataset, source: str, found: Assessment, way: Way, revision: int) -> Origin:
+def _origin(
+    profile: xr.Dataset, source: str, found: Assessment, way: ChainageTable, revision: int
+) -> Origin:
     """Of a profile in a file: by the recording that it names, else by itself."""
     from trackprofile.contracts import fingerprint
     from trackprofile.store import Origin, digest

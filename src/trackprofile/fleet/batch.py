@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from trackprofile.fleet.job import Job, Outcome, Row, State, bring
+from trackprofile.fleet.job import Job, JobResult, Row, State, process_recording
 from trackprofile.fleet.scheduling import done
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Standing:
+class BatchProgress:
     """How far a night is.
 
     Parameters
@@ -36,11 +36,11 @@ class Standing:
     remaining: float | None
 
 
-Told = Callable[[Standing], None]
+ProgressCallback = Callable[[BatchProgress], None]
 
 
 @dataclass(frozen=True)
-class Night:
+class BatchResult:
     """What came of a manifest.
 
     Parameters
@@ -51,12 +51,12 @@ class Night:
     workers : the most that were there at once
     """
 
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[JobResult, ...]
     store: str
     wall: float
     workers: int
 
-    def of(self, state: State) -> tuple[Outcome, ...]:
+    def of(self, state: State) -> tuple[JobResult, ...]:
         """The recordings that ended so."""
         return tuple(one for one in self.outcomes if one.state is state)
 
@@ -72,9 +72,13 @@ class Night:
         return sum(one.cpu for one in self.outcomes)
 
 
-def night(
-    rows: Sequence[Row], store: Store, client: Client, retries: int, told: Told = lambda now: None
-) -> Night:
+def run_batch(
+    rows: Sequence[Row],
+    store: Store,
+    client: Client,
+    retries: int,
+    told: ProgressCallback = lambda now: None,
+) -> BatchResult:
     """Bring all recordings into a store: each is there once, or is an outcome with its reason.
 
     Parameters
@@ -90,8 +94,8 @@ def night(
     jobs, sharing = _jobs(rows, store)
     before = _entries(rows, store)
     watch = _Watch(len(rows), told)
-    found: dict[int, Outcome] = {}
-    for name, result in done(client, bring, jobs, retries, watch.counted):
+    found: dict[int, JobResult] = {}
+    for name, result in done(client, process_recording, jobs, retries, watch.counted):
         for row in sharing[name]:
             outcome = _outcome(row, result, retries)
             if outcome.entry is not None:
@@ -101,7 +105,7 @@ def night(
             found[row.number] = outcome
             watch.ended(outcome)
     outcomes = tuple(found[row.number] for row in rows)
-    return Night(outcomes, store.url, watch.since(), watch.most)
+    return BatchResult(outcomes, store.url, watch.since(), watch.most)
 
 
 def _jobs(rows: Sequence[Row], store: Store) -> tuple[dict[str, Job], Mapping[str, list[Row]]]:
@@ -124,23 +128,23 @@ def _entries(rows: Sequence[Row], store: Store) -> set[str]:
     return {entry.id for place in days for entry in entries_of_day(store, place)}
 
 
-def _outcome(row: Row, result: Outcome | Exception, retries: int) -> Outcome:
+def _outcome(row: Row, result: JobResult | Exception, retries: int) -> JobResult:
     from distributed import KilledWorker
 
-    if isinstance(result, Outcome):
+    if isinstance(result, JobResult):
         return replace(result, row=row)
     if isinstance(result, KilledWorker):
         reason = f"its worker died {result.allowed_failures + 1} times: killed, or out of memory"
     else:
         said = " ".join(str(result).split())
         reason = f"{type(result).__name__} {retries + 1} times: {said}"
-    return Outcome(row, State.FAILED, reason)
+    return JobResult(row, State.FAILED, reason)
 
 
 class _Watch:
     """Counts what ended, and tells."""
 
-    def __init__(self, total: int, told: Told) -> None:
+    def __init__(self, total: int, told: ProgressCallback) -> None:
         self._total, self._told = total, told
         self._start, self._ended, self._failed = time.monotonic(), 0, 0
         self._computed, self._seconds = 0, 0.0
@@ -150,7 +154,7 @@ class _Watch:
         self._workers, self.most = workers, max(workers, self.most)
         self._tell()
 
-    def ended(self, outcome: Outcome) -> None:
+    def ended(self, outcome: JobResult) -> None:
         self._ended += 1
         self._failed += outcome.state is State.FAILED
         if outcome.state is State.STORED:
@@ -167,4 +171,4 @@ class _Watch:
         if self._computed and self._workers:
             left = self._total - self._ended
             remaining = left * self._seconds / self._computed / self._workers
-        self._told(Standing(self._ended, self._failed, self._total, self._workers, remaining))
+        self._told(BatchProgress(self._ended, self._failed, self._total, self._workers, remaining))

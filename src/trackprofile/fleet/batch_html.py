@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from html import escape
 
 from trackprofile import __version__
-from trackprofile.fleet.batch import Night
+from trackprofile.fleet.batch import BatchResult
 from trackprofile.fleet.batch_tables import recordings, sentences
-from trackprofile.fleet.job import Outcome, State
+from trackprofile.fleet.job import JobResult, State
 from trackprofile.reporting.html import MOST_ROWS, document, plain
 
 ELSEWHERE = "the tables that -o night.csv and --json give"
 
 
-def html(night: Night, manifest: str) -> str:
+def html(night: BatchResult, manifest: str) -> str:
     """The page of a night; ``manifest`` is its name."""
     title = f"Recordings of {manifest}"
     said = "".join(f"<li>{escape(one)}</li>" for one in sentences(night))
@@ -28,7 +28,7 @@ def html(night: Night, manifest: str) -> str:
     return document(title, "\n".join(parts))
 
 
-def _failed(outcomes: Sequence[Outcome]) -> str:
+def _failed(outcomes: Sequence[JobResult]) -> str:
     if not outcomes:
         return ""
     items = "".join(

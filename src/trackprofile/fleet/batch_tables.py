@@ -6,22 +6,22 @@ from typing import Any
 
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import Table
-from trackprofile.fleet.batch import Night, Standing
-from trackprofile.fleet.job import Outcome, State
+from trackprofile.fleet.batch import BatchProgress, BatchResult
+from trackprofile.fleet.job import JobResult, State
 
 TABLES = ("recordings",)
 
 _KM = 1e3
 
 
-def recordings(night: Night) -> Table:
+def recordings(night: BatchResult) -> Table:
     """A row per recording: what failed first, with its reason, else in the manifest's order."""
     ordered = sorted(night.outcomes, key=lambda one: one.state is not State.FAILED)
     rows = [_row(one) for one in ordered]
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-def _row(outcome: Outcome) -> dict[str, Any]:
+def _row(outcome: JobResult) -> dict[str, Any]:
     row, entry = outcome.row, outcome.entry
     said: dict[str, Any] = {
         "number": row.number,
@@ -42,7 +42,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     return said | {"wall_s": outcome.wall, "cpu_s": outcome.cpu}
 
 
-def sentences(night: Night) -> list[str]:
+def sentences(night: BatchResult) -> list[str]:
     """What came of the night, what matters most first."""
     stored, there, failed = (len(night.of(state)) for state in State)
     said = [f"{_counted(stored)} stored, {there} there already, {failed} failed."]
@@ -59,7 +59,7 @@ def sentences(night: Night) -> list[str]:
     return said
 
 
-def standing(now: Standing) -> str:
+def standing(now: BatchProgress) -> str:
     """How far a night is.
 
     Examples

@@ -11,7 +11,7 @@ import numpy as np
 from trackprofile.contracts import between, fingerprint
 from trackprofile.errors import DataError, TrackprofileError
 from trackprofile.fleet.job import Row, recording_of
-from trackprofile.store import Place
+from trackprofile.store import PassKey
 from trackprofile.store.writing import OVERLAP
 
 
@@ -25,7 +25,7 @@ class _Claim:
     end: float
 
 
-def check_claims(rows: Sequence[Row]) -> None:
+def check_conflicts(rows: Sequence[Row]) -> None:
     """See that no two rows claim the same line, direction, day, run and stretch with different content.
 
     Only recordings of one place and time are read; one that cannot be read claims nothing, and fails when its turn
@@ -35,7 +35,7 @@ def check_claims(rows: Sequence[Row]) -> None:
     ------
     DataError : two do.
     """
-    by_place: dict[Place, list[Row]] = defaultdict(list)
+    by_place: dict[PassKey, list[Row]] = defaultdict(list)
     for row in rows:
         by_place[row.place].append(row)
     for together in by_place.values():

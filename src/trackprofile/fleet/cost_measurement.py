@@ -12,7 +12,7 @@ import numpy as np
 from trackprofile.contracts import Channel, build_recording
 from trackprofile.errors import DataError, FileError
 from trackprofile.fleet.capacity import Cost
-from trackprofile.fleet.job import Job, Row, State, bring
+from trackprofile.fleet.job import Job, Row, State, process_recording
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.machine import in_one_thread, peak_memory
@@ -20,7 +20,7 @@ from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import random
 from trackprofile.models.receptance import point_track
 from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, felt, simulate
 from trackprofile.store import Entry, Store, create, find
 from trackprofile.store.entry import document
 
@@ -93,7 +93,7 @@ def brought(sample: Sample, folder: str) -> dict[str, float]:
             run=name, vehicle=sample.vehicle, track=sample.track, prior=sample.prior, limits="en-13848",
             speed=sample.train_speed, offset=0.0, start=None, end=None, revision=0,
         )  # fmt: skip
-        outcome = bring(Job(row, store.url))
+        outcome = process_recording(Job(row, store.url))
         if outcome.state is not State.STORED or outcome.entry is None:
             raise FileError(outcome.reason)
     entry = outcome.entry
@@ -133,7 +133,7 @@ def _write(sample: Sample, length: float, stem: Path) -> tuple[int, int]:
     every = int(np.ceil(1.0 / (sample.sampling * LONGEST_STEP)))
     step = 1.0 / (sample.sampling * every)
     level = random(read_spectrum(LEVEL), 1, 1.5, 250.0, length=length + 2 * RUN_IN)
-    run = Run(0.0, length, steady(sample.train_speed), run_in=RUN_IN, every=every)
+    run = RunSettings(0.0, length, steady(sample.train_speed), run_in=RUN_IN, every=every)
     made = simulate(vehicle, track, level, run, newmark(step))
     generator = np.random.default_rng(1)
     channels = []

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from trackprofile.models.spectrum import Spectrum
     from trackprofile.models.track import Track
     from trackprofile.models.vehicle import Vehicle
-    from trackprofile.store import Entry, Origin, Place, Store
+    from trackprofile.store import Entry, Origin, PassKey, Store
 
 
 @dataclass(frozen=True)
@@ -62,11 +62,11 @@ class Row:
     revision: int
 
     @property
-    def place(self) -> Place:
+    def place(self) -> PassKey:
         """Where in a store it belongs."""
-        from trackprofile.store import Place
+        from trackprofile.store import PassKey
 
-        return Place(self.line, self.direction, self.day, self.run)
+        return PassKey(self.line, self.direction, self.day, self.run)
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class State(Enum):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class JobResult:
     """How one recording fared.
 
     Parameters
@@ -114,7 +114,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Means:
+class ProcessingSettings:
     """All that a profile and its assessment depend on, but for the recording and this version."""
 
     vehicle: Vehicle
@@ -130,7 +130,7 @@ class Means:
         return hashlib.sha256(repr(self).encode()).hexdigest()
 
 
-def bring(job: Job) -> Outcome:
+def process_recording(job: Job) -> JobResult:
     """Bring one recording into the store; what this package refuses is an outcome, all else is raised."""
     wall, cpu = time.perf_counter(), time.process_time()
     try:
@@ -139,7 +139,7 @@ def bring(job: Job) -> Outcome:
     except TrackprofileError as error:
         said = " ".join(str(error).split())
         state, entry, reason = State.FAILED, None, said.removeprefix(f"{job.row.file}: ")
-    return Outcome(
+    return JobResult(
         job.row, state, reason, entry, time.perf_counter() - wall, time.process_time() - cpu
     )
 
@@ -172,7 +172,7 @@ def _brought(job: Job) -> tuple[State, Entry]:
     return State.STORED, add(store, place, profile, assessment, origin).entry
 
 
-def _stored(store: Store, place: Place, origin: Origin) -> Entry | None:
+def _stored(store: Store, place: PassKey, origin: Origin) -> Entry | None:
     from trackprofile.store import entry_id
     from trackprofile.store.entry import parsed
     from trackprofile.store.layout import ENTRIES
@@ -198,14 +198,14 @@ def recording_of(row: Row) -> xr.Dataset:
     return between(recording, start, end)
 
 
-def means_of(row: Row, recording: xr.Dataset) -> Means:
+def means_of(row: Row, recording: xr.Dataset) -> ProcessingSettings:
     """All that a row's profile depends on but for its recording, read."""
     from trackprofile.assessment.limits_toml import read_limits
     from trackprofile.io.model_toml import read_spectrum, read_track
-    from trackprofile.io.vehicle_of_recording import carrier
+    from trackprofile.io.vehicle_of_recording import vehicle_of_recording
 
-    return Means(
-        *carrier(recording, row.file, row.vehicle),
+    return ProcessingSettings(
+        *vehicle_of_recording(recording, row.file, row.vehicle),
         read_track(row.track),
         None if row.prior is None else read_spectrum(row.prior),
         read_limits(row.limits),
@@ -214,7 +214,7 @@ def means_of(row: Row, recording: xr.Dataset) -> Means:
     )
 
 
-def _origin(row: Row, recording: xr.Dataset, means: Means) -> Origin:
+def _origin(row: Row, recording: xr.Dataset, means: ProcessingSettings) -> Origin:
     from trackprofile.contracts import fingerprint
     from trackprofile.store import Origin
 

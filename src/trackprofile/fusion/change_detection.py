@@ -36,7 +36,7 @@ class Moving:
     kept: Array
 
 
-def moving(rate: Array, deviation: Array, known: NDArray[np.bool_], count: float) -> Moving:
+def detect_changes(rate: Array, deviation: Array, known: NDArray[np.bool_], count: float) -> Moving:
     """Tell track that moves from track that stands.
 
     The two parts of the rate's envelope, itself and its Hilbert transform, are judged together, or a place

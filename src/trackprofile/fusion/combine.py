@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from trackprofile.fusion.change_detection import moving
+from trackprofile.fusion.change_detection import detect_changes
 from trackprofile.fusion.estimator import Trust, weights
 from trackprofile.fusion.spectral_bands import ALL, INTEGRALS, LENGTHS, RANGES, WIDTH, Range
-from trackprofile.fusion.stack import Laid, smooth
+from trackprofile.fusion.stack import PassStack, smooth
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ class _Fit:
     rate_error: Array
 
 
-def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
+def combine(laid: PassStack, days: Array, trust: Trust, day: float) -> Combined:
     """Weigh all passes, wave by wave, and believe a rate where track moves.
 
     Parameters
@@ -71,7 +71,7 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
         # Of longer waves no pass says how well it knows them, and they differ by millimetres: they tell no rate.
         if timed and part is not RANGES[-1]:
             width = INTEGRALS[ALL][part.waves]
-            found = moving(
+            found = detect_changes(
                 np.interp(laid.places, laid.distance, fit.rate),
                 np.sqrt(width @ fit.rate_error),
                 covered,
@@ -94,7 +94,7 @@ def combine(laid: Laid, days: Array, trust: Trust, day: float) -> Combined:
     return Combined(level, error, rate, rate_error, moves)
 
 
-def _fitted(laid: Laid, part: Range, days: Array, trust: Trust, day: float) -> _Fit:
+def _fitted(laid: PassStack, part: Range, days: Array, trust: Trust, day: float) -> _Fit:
     standing, by_rate, rate = np.zeros((3, laid.distance.size))
     error, by_error, rate_error = np.zeros((3, len(part.numbers), laid.places.size))
     for row, wave in enumerate(part.numbers):
@@ -113,11 +113,11 @@ def _fitted(laid: Laid, part: Range, days: Array, trust: Trust, day: float) -> _
     return _Fit(standing, by_rate, rate, error, by_error, rate_error)
 
 
-def _sum(laid: Laid, weight: Array, beside: Array) -> Array:
+def _sum(laid: PassStack, weight: Array, beside: Array) -> Array:
     return np.sum(laid.along(weight) * beside, axis=0)
 
 
-def without_each(laid: Laid, trust: Trust) -> Array:
+def without_each(laid: PassStack, trust: Trust) -> Array:
     """The line as all other passes see it, for each pass; NaN where there is no other (n, m) [m]."""
     still = np.zeros(len(laid.passes))
     found = np.repeat(laid.reference[None], len(laid.passes), axis=0)

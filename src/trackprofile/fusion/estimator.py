@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.fusion.spectral_bands import LENGTHS, RANGES
-from trackprofile.fusion.stack import Laid, smooth
+from trackprofile.fusion.stack import PassStack, smooth
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -47,7 +47,7 @@ class Trust:
 
 
 @dataclass(frozen=True, eq=False)
-class Weights:
+class EstimatorWeights:
     """Of one wave, at each place.
 
     Parameters
@@ -73,7 +73,7 @@ def range_of(wave: int) -> int:
 RANGE_OF: Indices = np.array([range_of(wave) for wave in range(LENGTHS.size)])
 
 
-def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Weights:
+def weights(laid: PassStack, wave: int, days: Array, trust: Trust, day: float) -> EstimatorWeights:
     """What each pass counts for the level on a day, and for its rate.
 
     Parameters
@@ -113,7 +113,9 @@ def weights(laid: Laid, wave: int, days: Array, trust: Trust, day: float) -> Wei
     variance[0] += _not_averaged(level, alike, louder)
     standing = np.where(known, h[0] * told / J[0], 0.0)
     held = np.stack([row[0], C[1]]) / S
-    return Weights(level, rate, held, variance, 1.0 / J[0] + _not_averaged(standing, alike, louder))
+    return EstimatorWeights(
+        level, rate, held, variance, 1.0 / J[0] + _not_averaged(standing, alike, louder)
+    )
 
 
 def _not_averaged(weight: Array, alike: Array, louder: Array) -> Array:
@@ -121,7 +123,7 @@ def _not_averaged(weight: Array, alike: Array, louder: Array) -> Array:
     return (weight * np.sqrt(alike)).sum(axis=0) ** 2 - (weight**2 * louder * alike).sum(axis=0)
 
 
-def _shared(laid: Laid, wave: int, trust: Trust) -> Array:
+def _shared(laid: PassStack, wave: int, trust: Trust) -> Array:
     """Density of what the passes of each vehicle share (vehicles, k) [m²/(rad/m)]."""
     number = RANGE_OF[wave]
     by_track = trust.shared[:, number, None] * laid.strength(wave)

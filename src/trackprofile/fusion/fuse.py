@@ -10,17 +10,23 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.assessment.trend import Pass
+from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D1, band_pass_pieces
 from trackprofile.contracts import Quality, build_profile, has_rate, with_provenance, with_rate
 from trackprofile.contracts.rates import FUSED
 from trackprofile.errors import DataError
 from trackprofile.fusion.combine import Combined, combine, without_each
-from trackprofile.fusion.pass_alignment import FAR, Elsewhere, Placed, placed, realigned
-from trackprofile.fusion.rejection import Contradiction, Reason
+from trackprofile.fusion.pass_alignment import (
+    FAR,
+    AlignedPass,
+    RejectedPass,
+    align_passes,
+    realign_passes,
+)
+from trackprofile.fusion.rejection import Contradiction, RejectionReason
 from trackprofile.fusion.spectral_bands import ALL, JUDGED, RANGES, deviations
-from trackprofile.fusion.stack import Laid, lay
-from trackprofile.fusion.weights import Weighed, weigh
+from trackprofile.fusion.stack import PassStack, stack_passes
+from trackprofile.fusion.weights import PassWeights, estimate_weights
 
 Array = NDArray[np.float64]
 
@@ -49,7 +55,7 @@ class Member:
 
 
 @dataclass(frozen=True)
-class MovingPlace:
+class ChangingLocation:
     """A place that moves.
 
     Parameters
@@ -86,11 +92,11 @@ class Fused:
     day: date
     members: tuple[Member, ...]
     contradictions: tuple[Contradiction, ...]
-    moving: tuple[MovingPlace, ...]
+    moving: tuple[ChangingLocation, ...]
     notes: tuple[str, ...]
 
 
-def fuse(passes: Sequence[Pass], day: date | None = None) -> Fused:
+def fuse(passes: Sequence[DatedProfile], day: date | None = None) -> Fused:
     """The profile of a line from many passes (theory, section 14).
 
     Parameters
@@ -117,21 +123,21 @@ def fuse(passes: Sequence[Pass], day: date | None = None) -> Fused:
     day = day or ordered[-1].day
     if len(ordered) == 1:
         return _alone(ordered[0], day)
-    found, elsewhere = placed(ordered)
-    laid = lay(found)
+    found, elsewhere = align_passes(ordered)
+    laid = stack_passes(found)
     if len(found) > 2:
         # The lag that the noise of the middle one makes is in all others until each is laid on what all say.
-        first = weigh(laid)
+        first = estimate_weights(laid)
         pairs = [
-            realigned(one, _line(laid, line), float(share))
+            realign_passes(one, _line(laid, line), float(share))
             for one, line, share in zip(
                 found, without_each(laid, first.trust), first.share[D1.name], strict=True
             )
         ]
-        found = tuple(one for one in pairs if isinstance(one, Placed))
-        elsewhere += tuple(one for one in pairs if isinstance(one, Elsewhere))
-        laid = lay(found)
-    weighed = weigh(laid)
+        found = tuple(one for one in pairs if isinstance(one, AlignedPass))
+        elsewhere += tuple(one for one in pairs if isinstance(one, RejectedPass))
+        laid = stack_passes(found)
+    weighed = estimate_weights(laid)
     days = weighed.days
     mean = np.mean([one.of.day.toordinal() for one in found])
     line = combine(laid, days, weighed.trust, day.toordinal() - float(mean))
@@ -151,7 +157,7 @@ def fuse(passes: Sequence[Pass], day: date | None = None) -> Fused:
     )
 
 
-def _checked(passes: Sequence[Pass]) -> list[Pass]:
+def _checked(passes: Sequence[DatedProfile]) -> list[DatedProfile]:
     if not passes:
         raise DataError("There is no pass to fuse; give one or more.")
     names = [one.name for one in passes]
@@ -172,7 +178,7 @@ def _checked(passes: Sequence[Pass]) -> list[Pass]:
     return sorted(passes, key=lambda one: (one.day, one.name))
 
 
-def _alone(one: Pass, day: date) -> Fused:
+def _alone(one: DatedProfile, day: date) -> Fused:
     nothing = np.zeros(one.profile.sizes["distance"])
     profile = with_provenance(
         with_rate(one.profile, nothing, nothing, {}), f"fuse: {one.name} alone"
@@ -190,26 +196,30 @@ def _alone(one: Pass, day: date) -> Fused:
     )
 
 
-def _line(laid: Laid, level: Array) -> xr.Dataset:
+def _line(laid: PassStack, level: Array) -> xr.Dataset:
     flags = np.where(np.isnan(level), Quality.GAP, 0)
     return build_profile(laid.distance, level, kind="point", quality=flags)
 
 
-def _not_of_the_line(one: Elsewhere) -> Contradiction:
+def _not_of_the_line(one: RejectedPass) -> Contradiction:
     ends = one.of.profile["distance"].to_numpy()[[0, -1]]
-    reason = Reason.TURNED if one.turned else Reason.ELSEWHERE
+    reason = RejectionReason.TURNED if one.turned else RejectionReason.ELSEWHERE
     return Contradiction(one.of.name, reason, float(ends[0]), float(ends[1]))
 
 
-def _off(one: Placed) -> Contradiction:
+def _off(one: AlignedPass) -> Contradiction:
     ends = one.of.profile["distance"].to_numpy()[[0, -1]]
     return Contradiction(
-        one.of.name, Reason.LAG, float(ends[0]), float(ends[1]), size=one.lag, used=True
+        one.of.name, RejectionReason.LAG, float(ends[0]), float(ends[1]), size=one.lag, used=True
     )
 
 
 def _profile(
-    laid: Laid, line: Combined, weighed: Weighed, day: date, contradictions: Sequence[Contradiction]
+    laid: PassStack,
+    line: Combined,
+    weighed: PassWeights,
+    day: date,
+    contradictions: Sequence[Contradiction],
 ) -> xr.Dataset:
     known = np.isfinite(line.level)
     spread = {name: laid.along(each) for name, each in deviations(line.error).items()}
@@ -246,7 +256,7 @@ def _profile(
     )
 
 
-def _moving(laid: Laid, line: Combined) -> Iterator[MovingPlace]:
+def _moving(laid: PassStack, line: Combined) -> Iterator[ChangingLocation]:
     """Where it is likely that track moves, and its rate in the band is beyond what its deviation explains.
 
     What lies within the band's longest wave of each other is one place: a dip has shoulders in any band.
@@ -263,14 +273,16 @@ def _moving(laid: Laid, line: Combined) -> Iterator[MovingPlace]:
         for there in np.split(sure, apart) if sure.size else ():
             top = there[np.argmax(np.abs(of_band[there]))]
             start, peak, end = (float(laid.distance[i]) for i in (there[0], top, there[-1]))
-            yield MovingPlace(part.name, start, peak, end, float(of_band[top]), float(spread[top]))
+            yield ChangingLocation(
+                part.name, start, peak, end, float(of_band[top]), float(spread[top])
+            )
 
 
 def _bands_of(profile: xr.Dataset) -> list[str]:
     return [band.name for band in BANDS if f"standard_deviation_{band.name}" in profile]
 
 
-def _flags(laid: Laid, weighed: Weighed) -> NDArray[np.int16]:
+def _flags(laid: PassStack, weighed: PassWeights) -> NDArray[np.int16]:
     """What all passes have alike at a place; a gap where no pass says anything."""
     says = np.isfinite(laid.level) & weighed.active[:, None]
     flags = np.where(says, laid.flags, -1)
@@ -278,7 +290,9 @@ def _flags(laid: Laid, weighed: Weighed) -> NDArray[np.int16]:
     return np.where(says.any(axis=0), alike, Quality.GAP).astype(np.int16)
 
 
-def _members(ordered: Sequence[Pass], laid: Laid, weighed: Weighed) -> tuple[Member, ...]:
+def _members(
+    ordered: Sequence[DatedProfile], laid: PassStack, weighed: PassWeights
+) -> tuple[Member, ...]:
     at = {one.of.name: i for i, one in enumerate(laid.passes)}
     found = []
     for one in ordered:
@@ -292,7 +306,7 @@ def _members(ordered: Sequence[Pass], laid: Laid, weighed: Weighed) -> tuple[Mem
     return tuple(found)
 
 
-def _about_time(found: Sequence[Placed], day: date) -> list[str]:
+def _about_time(found: Sequence[AlignedPass], day: date) -> list[str]:
     days = [one.of.day for one in found]
     if min(days) == max(days):
         return [f"All passes are of {days[0]}: there is no rate"]

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackprofile.bands import BANDS
-from trackprofile.fusion.fuse import Fused, MovingPlace
-from trackprofile.fusion.rejection import Contradiction, Reason
+from trackprofile.fusion.fuse import ChangingLocation, Fused
+from trackprofile.fusion.rejection import Contradiction, RejectionReason
 
 NAMED = 5
 """Places that are named in a sentence; all are in the tables."""
@@ -42,7 +42,7 @@ def _certainty(found: Fused) -> list[str]:
     return [f"Standard deviation: {', '.join(said)}."]
 
 
-def _moves(places: Sequence[MovingPlace], timed: bool) -> list[str]:
+def _moves(places: Sequence[ChangingLocation], timed: bool) -> list[str]:
     if not timed:
         return []
     if not places:
@@ -75,7 +75,7 @@ def contradiction_words(one: Contradiction) -> str:
     if one.size is not None:
         size = (
             f", by {one.size:.1f} m"
-            if one.reason is Reason.LAG
+            if one.reason is RejectionReason.LAG
             else f", {100 * one.size - 100:+.1f} %"
         )
     done = "it is left out"

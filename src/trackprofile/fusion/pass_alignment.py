@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import fftconvolve
 
 from trackprofile.assessment.alignment import DRIFT, LIKE, SEEN, Alignment, align
-from trackprofile.assessment.trend import Pass
+from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D1, band_pass_pieces, resample
 from trackprofile.contracts import known_elevation
 from trackprofile.errors import DataError
@@ -47,7 +47,7 @@ _LONG = 0.9  # share of the longest pass from which one may be the reference
 
 
 @dataclass(frozen=True)
-class Placed:
+class AlignedPass:
     """A pass on the line's distance.
 
     Parameters
@@ -57,7 +57,7 @@ class Placed:
     at, deviation : standard deviation of its place (m), at some distances (m) [m]
     """
 
-    of: Pass
+    of: DatedProfile
     lag: float
     at: Array
     deviation: Array
@@ -68,14 +68,16 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Elsewhere:
+class RejectedPass:
     """A pass that does not look like the others, but perhaps like them turned round."""
 
-    of: Pass
+    of: DatedProfile
     turned: bool
 
 
-def placed(passes: Sequence[Pass]) -> tuple[tuple[Placed, ...], tuple[Elsewhere, ...]]:
+def align_passes(
+    passes: Sequence[DatedProfile],
+) -> tuple[tuple[AlignedPass, ...], tuple[RejectedPass, ...]]:
     """Lay the passes on the distance of the one in the middle of those that look alike.
 
     Parameters
@@ -101,12 +103,14 @@ def placed(passes: Sequence[Pass]) -> tuple[tuple[Placed, ...], tuple[Elsewhere,
     middle = _middle([one for one in alike if one.length >= _LONG * longest] or alike, lags)
     found = [_placed(one, middle) for one in seen]
     return (
-        tuple(one for one in found if isinstance(one, Placed)),
-        tuple(one for one in found if isinstance(one, Elsewhere)),
+        tuple(one for one in found if isinstance(one, AlignedPass)),
+        tuple(one for one in found if isinstance(one, RejectedPass)),
     )
 
 
-def realigned(one: Placed, others: xr.Dataset, share: float = 0.0) -> Placed | Elsewhere:
+def realign_passes(
+    one: AlignedPass, others: xr.Dataset, share: float = 0.0
+) -> AlignedPass | RejectedPass:
     """A pass on the place that all passes together give it.
 
     Parameters
@@ -117,17 +121,17 @@ def realigned(one: Placed, others: xr.Dataset, share: float = 0.0) -> Placed | E
     try:
         found = align(one.of.profile, others, one.of.name, DRIFT, D1, SHARPEST, FINE)
     except DataError:
-        return Elsewhere(one.of, turned=False)
+        return RejectedPass(one.of, turned=False)
     found = Alignment(found.distance, (1 - share) * found.lag, (1 - share) * found.deviation)
     lag = one.lag + _lag(one.of, found)
-    return Placed(_moved(one.of, found), lag, found.distance, found.deviation)
+    return AlignedPass(_moved(one.of, found), lag, found.distance, found.deviation)
 
 
-def _moved(one: Pass, by: Alignment) -> Pass:
-    return Pass(by.moved(one.profile), one.day, one.name)
+def _moved(one: DatedProfile, by: Alignment) -> DatedProfile:
+    return DatedProfile(by.moved(one.profile), one.day, one.name)
 
 
-def _lag(one: Pass, found: Alignment) -> float:
+def _lag(one: DatedProfile, found: Alignment) -> float:
     """Of the whole pass [m]."""
     distance = one.profile["distance"].to_numpy()
     return float(np.mean(distance - found.moved(one.profile)["distance"].to_numpy()))
@@ -137,7 +141,7 @@ def _lag(one: Pass, found: Alignment) -> float:
 class _Seen:
     """The slope of a pass in the waves by which it is aligned, every `_STEP` from `start` on, 0 in gaps."""
 
-    of: Pass
+    of: DatedProfile
     start: float
     slope: Array
     known: Mask
@@ -153,7 +157,7 @@ class _Seen:
         return _Seen(self.of, self.start, -self.slope[::-1], self.known[::-1])
 
 
-def _seen(one: Pass) -> _Seen:
+def _seen(one: DatedProfile) -> _Seen:
     """Slopes weigh all waves about alike: levels would be compared by the longest alone."""
     distance = one.profile["distance"].to_numpy()
     start = _STEP * np.ceil(distance[0] / _STEP)
@@ -238,7 +242,7 @@ def _middle(alike: Sequence[_Seen], lags: Mapping[str, Alignment | None]) -> _Se
     return ordered[int(np.searchsorted(weight, 0.5 * weight[-1] * (1 - 1e-9)))]
 
 
-def _known_by(one: Pass) -> float:
+def _known_by(one: DatedProfile) -> float:
     """Weight of a pass, by the shortest waves of which it states how well it knows them [1/m²]."""
     names = [f"_{band.name}" for band in BANDS] + [""]
     for name in names:
@@ -248,13 +252,13 @@ def _known_by(one: Pass) -> float:
     return 1.0
 
 
-def _placed(one: _Seen, middle: _Seen) -> Placed | Elsewhere:
+def _placed(one: _Seen, middle: _Seen) -> AlignedPass | RejectedPass:
     """A pass on the distance of the one in the middle."""
     ends = one.of.profile["distance"].to_numpy()[[0, -1]]
     if one is middle:
-        return Placed(one.of, 0.0, ends, np.zeros(2))
+        return AlignedPass(one.of, 0.0, ends, np.zeros(2))
     path = _followed(one, middle)
     if path is None:
-        return Elsewhere(one.of, turned=_followed(one.turned, middle) is not None)
-    near = Placed(_moved(one.of, path), _lag(one.of, path), ends, np.zeros(2))
-    return realigned(near, middle.of.profile)
+        return RejectedPass(one.of, turned=_followed(one.turned, middle) is not None)
+    near = AlignedPass(_moved(one.of, path), _lag(one.of, path), ends, np.zeros(2))
+    return realign_passes(near, middle.of.profile)

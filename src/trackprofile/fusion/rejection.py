@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.signal import hilbert
 from scipy.stats import chi2
 
-from trackprofile.fusion.spectral_bands import INTEGRALS, JUDGED, OMEGA, Range, sines
-from trackprofile.fusion.stack import Laid
-from trackprofile.fusion.variance_components import Cells, Factors, projection
+from trackprofile.fusion.spectral_bands import INTEGRALS, JUDGED, OMEGA, Range, decompose_spectrum
+from trackprofile.fusion.stack import PassStack
+from trackprofile.fusion.variance_components import CovarianceCells, Factors, projection
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -33,7 +33,7 @@ _ROUNDS = 5  # in which passes are weighed down on stretches
 _UNLIKE = 0.3  # of a wave, below which a pass does not hold what the line has
 
 
-class Reason(Enum):
+class RejectionReason(Enum):
     """Why a pass contradicts the others, in words."""
 
     ELSEWHERE = "it does not look like the others: of other track, or too noisy to tell"
@@ -60,7 +60,7 @@ class Contradiction:
     """
 
     name: str
-    reason: Reason
+    reason: RejectionReason
     start: float
     end: float
     bands: tuple[str, ...] = ()
@@ -69,7 +69,7 @@ class Contradiction:
     used: bool = False
 
 
-def louder_in(part: Range, laid: Laid, louder: Array) -> Array:
+def louder_in(part: Range, laid: PassStack, louder: Array) -> Array:
     """Variance of each pass's error in a band over the stated one (n) [-].
 
     Parameters
@@ -80,13 +80,13 @@ def louder_in(part: Range, laid: Laid, louder: Array) -> Array:
     return np.sum(weight * louder, axis=1)
 
 
-def freedom_in(part: Range, laid: Laid, found: Factors) -> Array:
+def freedom_in(part: Range, laid: PassStack, found: Factors) -> Array:
     """Independent waves behind that (n)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return 1.0 / np.sum(_weights(part, laid) ** 2 / found.counts, axis=1)
 
 
-def _weights(part: Range, laid: Laid) -> Array:
+def _weights(part: Range, laid: PassStack) -> Array:
     """Share of each wave in the variance that each pass states for a band (n, waves of the range)."""
     seen = laid.inside > 0
     mean = (
@@ -98,7 +98,7 @@ def _weights(part: Range, laid: Laid) -> Array:
 
 
 def outlying(
-    laid: Laid, found: Sequence[Factors], active: Mask
+    laid: PassStack, found: Sequence[Factors], active: Mask
 ) -> Mapping[int, Mapping[str, float]]:
     """Passes whose error is far beyond what they state and what is usual among the passes: how far, by band.
 
@@ -143,7 +143,7 @@ class Likeness:
 
 
 def likeness(
-    laid: Laid, i: int, others: Array, bands: Container[str], start: float, end: float
+    laid: PassStack, i: int, others: Array, bands: Container[str], start: float, end: float
 ) -> Likeness:
     """Regress each wave of a pass on the same of the line and its Hilbert transform.
 
@@ -160,7 +160,8 @@ def likeness(
     inside = (laid.distance >= start) & (laid.distance <= end)
     known = inside & np.isfinite(laid.level[i]) & np.isfinite(others)
     own, line = (
-        sines(np.where(known, one, np.nan), laid.spacing) for one in (laid.level[i], others)
+        decompose_spectrum(np.where(known, one, np.nan), laid.spacing)
+        for one in (laid.level[i], others)
     )
     waves = [wave for part in JUDGED if part.name in bands for wave in part.numbers]
     beta, weight, difference = np.zeros(len(waves), np.complex128), np.zeros(len(waves)), 0.0
@@ -181,17 +182,17 @@ def likeness(
     return Likeness(off / max(difference, 1e-300), gain, lag, by_gain / off, by_lag / off)
 
 
-def reason_of(found: Likeness) -> tuple[Reason, float | None]:
+def reason_of(found: Likeness) -> tuple[RejectionReason, float | None]:
     """What is wrong with a pass that goes so with the line, and by how much."""
     if found.explained < EXPLAINED:
-        return Reason.NOISE, None
+        return RejectionReason.NOISE, None
     if found.gain < _UNLIKE:
-        return Reason.ELSEWHERE, None
+        return RejectionReason.ELSEWHERE, None
     if found.left_by_lag < _EVEN:
-        return Reason.LAG, found.lag
+        return RejectionReason.LAG, found.lag
     if found.left_by_gain < _EVEN:
-        return Reason.GAIN, found.gain
-    return Reason.VEHICLE, None
+        return RejectionReason.GAIN, found.gain
+    return RejectionReason.VEHICLE, None
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +211,7 @@ class Stretches:
 
 
 def louder_stretches(
-    of: Cells, part: Range, laid: Laid, days: Array, vehicle: Indices, found: Factors
+    of: CovarianceCells, part: Range, laid: PassStack, days: Array, vehicle: Indices, found: Factors
 ) -> Stretches:
     """Compare each pass in each stretch with what all others make of it.
 

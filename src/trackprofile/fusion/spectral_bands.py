@@ -108,7 +108,7 @@ def shares(omega: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Sines:
+class SpectralDecomposition:
     """A profile's sine transform, piece by piece between gaps.
 
     Parameters
@@ -136,7 +136,7 @@ class Sines:
         return found
 
 
-def sines(values: Array, spacing: float) -> Sines:
+def decompose_spectrum(values: Array, spacing: float) -> SpectralDecomposition:
     """The transform of which every wave is a product away.
 
     As in `bands.band_pass`, each piece is continued beyond its ends by odd reflection.
@@ -159,7 +159,7 @@ def sines(values: Array, spacing: float) -> Sines:
         line = np.linspace(part[0], part[-1], part.size)
         inner = (part - line)[1:-1]
         pieces.append((piece, np.asarray(dst(inner, type=1)) if inner.size else inner, line))
-    return Sines(values.size, spacing, tuple(pieces))
+    return SpectralDecomposition(values.size, spacing, tuple(pieces))
 
 
 def _shares_of(count: int, spacing: float, number: int) -> tuple[slice, Array]:

@@ -11,8 +11,16 @@ from scipy.ndimage import distance_transform_edt, uniform_filter1d
 
 from trackprofile.bands import resample
 from trackprofile.contracts import Quality, known_elevation
-from trackprofile.fusion.pass_alignment import Placed
-from trackprofile.fusion.spectral_bands import LENGTHS, OMEGA, POWER, STEP, Sines, sines, stated_by
+from trackprofile.fusion.pass_alignment import AlignedPass
+from trackprofile.fusion.spectral_bands import (
+    LENGTHS,
+    OMEGA,
+    POWER,
+    STEP,
+    SpectralDecomposition,
+    decompose_spectrum,
+    stated_by,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,7 +38,7 @@ _FEATHER = 300.0  # m over which a pass fades in where passes are first put toge
 
 
 @dataclass(frozen=True, eq=False)
-class Laid:
+class PassStack:
     """Passes on the line's grid.
 
     Parameters
@@ -49,7 +57,7 @@ class Laid:
     whole : the waves of the reference
     """
 
-    passes: tuple[Placed, ...]
+    passes: tuple[AlignedPass, ...]
     distance: Array
     places: Array
     level: Array
@@ -59,9 +67,9 @@ class Laid:
     slack: Array
     inside: Array
     reference: Array
-    cut: tuple[Sines, ...]
-    cut_reference: tuple[Sines, ...]
-    whole: Sines
+    cut: tuple[SpectralDecomposition, ...]
+    cut_reference: tuple[SpectralDecomposition, ...]
+    whole: SpectralDecomposition
 
     @property
     def spacing(self) -> float:
@@ -131,13 +139,13 @@ class Laid:
         """Density of the error of places that are unsure: (dz/dx)² δ² (n, k) [m²/(rad/m)]."""
         return OMEGA[wave] ** 2 * self.strength(wave) * self.slack
 
-    def about(self, reference: Array) -> Laid:
+    def about(self, reference: Array) -> PassStack:
         """The same with another guess of the line."""
         return replace(
             self,
             reference=reference,
             cut_reference=_cut_alike(reference, np.isfinite(self.level), self.spacing),
-            whole=sines(reference, self.spacing),
+            whole=decompose_spectrum(reference, self.spacing),
         )
 
 
@@ -149,7 +157,7 @@ def smooth(values: Array, width: float) -> Array:
     return values
 
 
-def lay(passes: Sequence[Placed]) -> Laid:
+def stack_passes(passes: Sequence[AlignedPass]) -> PassStack:
     """Put passes on one grid from where the first ones begin to where the last ones end.
 
     Long waves of passes differ by millimetres: where one goes on alone for a few metres, the line would have a step.
@@ -181,8 +189,8 @@ def lay(passes: Sequence[Placed]) -> Laid:
         [_inside(k & ((f & _FLAWED) == 0), spacing) for k, f in zip(known, flags, strict=True)]
     )
     reference = _first_guess(level, inside, stated)
-    cut = tuple(sines(one, spacing) for one in level)
-    return Laid(
+    cut = tuple(decompose_spectrum(one, spacing) for one in level)
+    return PassStack(
         passes=tuple(passes),
         distance=distance,
         places=places,
@@ -195,11 +203,11 @@ def lay(passes: Sequence[Placed]) -> Laid:
         reference=reference,
         cut=cut,
         cut_reference=_cut_alike(reference, known, spacing),
-        whole=sines(reference, spacing),
+        whole=decompose_spectrum(reference, spacing),
     )
 
 
-def _on(one: Placed, distance: Array) -> Array:
+def _on(one: AlignedPass, distance: Array) -> Array:
     own = one.of.profile["distance"].to_numpy()
     level = known_elevation(one.of.profile)
     if own.size == distance.size and np.abs(own - distance).max() < 1e-6:
@@ -207,7 +215,7 @@ def _on(one: Placed, distance: Array) -> Array:
     return resample(own, level, distance)
 
 
-def _flags_on(one: Placed, distance: Array) -> NDArray[np.int16]:
+def _flags_on(one: AlignedPass, distance: Array) -> NDArray[np.int16]:
     own = one.of.profile["distance"].to_numpy()
     nearest = np.searchsorted((own[1:] + own[:-1]) / 2, distance)
     return one.of.profile["quality"].to_numpy().astype(np.int16)[nearest]
@@ -240,7 +248,7 @@ def _evened(density: Array, places: Array) -> Array:
     )
 
 
-def _prior(cut: Sequence[Sines], known: Mask, prior: Array) -> Array:
+def _prior(cut: Sequence[SpectralDecomposition], known: Mask, prior: Array) -> Array:
     """Density of the track before each pass (n, waves); what a pass shows, where that is far beyond what it stands for.
 
     A profile whose long waves were taken out states too little of the whole.
@@ -254,10 +262,10 @@ def _prior(cut: Sequence[Sines], known: Mask, prior: Array) -> Array:
     return np.where(shown / POWER > _BEYOND * prior, shown / POWER, prior)
 
 
-def _cut_alike(reference: Array, known: Mask, spacing: float) -> tuple[Sines, ...]:
+def _cut_alike(reference: Array, known: Mask, spacing: float) -> tuple[SpectralDecomposition, ...]:
     """The reference in the pieces of each pass: its ends then mislead both alike."""
-    made: dict[bytes, Sines] = {}
+    made: dict[bytes, SpectralDecomposition] = {}
     for here in known:
         if here.tobytes() not in made:
-            made[here.tobytes()] = sines(np.where(here, reference, np.nan), spacing)
+            made[here.tobytes()] = decompose_spectrum(np.where(here, reference, np.nan), spacing)
     return tuple(made[here.tobytes()] for here in known)

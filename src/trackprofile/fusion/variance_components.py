@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.fusion.spectral_bands import LENGTHS, POWER, WIDTH, Range
-from trackprofile.fusion.stack import Laid
+from trackprofile.fusion.stack import PassStack
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -37,7 +37,7 @@ _NONE = 1e-12  # of the track's own variance
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class CovarianceCells:
     """What the passes say in the waves of one range, stretch by stretch.
 
     Parameters
@@ -63,7 +63,7 @@ class Cells:
         """Which passes speak (c, n)."""
         return self.told > 0
 
-    def of(self, heard: Mask) -> Cells:
+    def of(self, heard: Mask) -> CovarianceCells:
         """Only of the passes that are heard, everywhere (n) or here and there (c, n)."""
         return replace(self, told=np.where(heard, self.told, 0.0))
 
@@ -86,7 +86,7 @@ class Factors:
     change: Array
 
 
-def cells(laid: Laid, part: Range) -> Cells:
+def covariance_cells(laid: PassStack, part: Range) -> CovarianceCells:
     """Cut the line into stretches, the longer the longer the waves, and take the products of the passes in each."""
     length = max(STRETCH, WAVES_LONG * float(LENGTHS[part.waves][-1]))
     pieces = max(1, round(float(np.ptp(laid.distance)) / length))
@@ -94,10 +94,10 @@ def cells(laid: Laid, part: Range) -> Cells:
     most = max(1, MOST // len(laid.passes) ** 2)
     chosen = np.unique(np.linspace(0, pieces - 1, min(pieces, most)).round().astype(int))
     found = [_of_wave(laid, wave, edges, chosen) for wave in part.numbers]
-    return Cells(*(np.concatenate(each) for each in zip(*found, strict=True)))
+    return CovarianceCells(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
 
-def _of_wave(laid: Laid, wave: int, edges: Indices, chosen: Indices) -> tuple[Array, ...]:
+def _of_wave(laid: PassStack, wave: int, edges: Indices, chosen: Indices) -> tuple[Array, ...]:
     G = laid.gain(wave)
     error = laid.stated[:, wave] + G * laid.misplaced(wave)
     own = laid.beside(wave) / np.sqrt(laid.along(G * error) * POWER[wave])
@@ -129,7 +129,7 @@ def _of_wave(laid: Laid, wave: int, edges: Indices, chosen: Indices) -> tuple[Ar
     )
 
 
-def factors(of: Cells, days: Array, vehicle: Indices, tied: Indices) -> Factors:
+def factors(of: CovarianceCells, days: Array, vehicle: Indices, tied: Indices) -> Factors:
     """The most probable variances.
 
     Most track stands and some moves, so that the variance of rates is that of each stretch.
@@ -188,7 +188,7 @@ def _grown(asked: Array, there: Array) -> Array:
 
 
 def projection(
-    of: Cells, days: Array, vehicle: Indices, louder: Array, change: Array, shared: Array
+    of: CovarianceCells, days: Array, vehicle: Indices, louder: Array, change: Array, shared: Array
 ) -> tuple[Array, Array]:
     """P = Σ⁻¹ - Σ⁻¹ l (lᵀ Σ⁻¹ l)⁻¹ lᵀ Σ⁻¹ (c, n, n), and the columns of change and vehicles, H (c, n, 1 + vehicles).
 

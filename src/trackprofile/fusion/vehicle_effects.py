@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackprofile.fusion.rejection import freedom_in, louder_in
 from trackprofile.fusion.spectral_bands import INTEGRALS, JUDGED, RANGES, Range, deviations
-from trackprofile.fusion.stack import Laid
+from trackprofile.fusion.stack import PassStack
 from trackprofile.fusion.variance_components import Factors
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ _SURE = 2.0  # standard deviations by which passes have to scatter less than the
 
 
 @dataclass(frozen=True, eq=False)
-class Vehicles:
+class VehicleEffects:
     """Of the passes.
 
     Parameters
@@ -52,14 +52,14 @@ class Vehicles:
         return np.where(several, np.cumsum(several), 0)
 
 
-def vehicles_of(laid: Laid) -> Vehicles:
+def vehicle_effects(laid: PassStack) -> VehicleEffects:
     """The vehicles by which the passes were made."""
     names = [str(one.of.profile.attrs["vehicle"]) for one in laid.passes]
     every = sorted(set(names))
-    return Vehicles(tuple(every), np.array([every.index(one) for one in names], np.intp))
+    return VehicleEffects(tuple(every), np.array([every.index(one) for one in names], np.intp))
 
 
-def shared_by(vehicles: Vehicles, found: Sequence[Factors]) -> Array:
+def shared_by(vehicles: VehicleEffects, found: Sequence[Factors]) -> Array:
     """Variance of what passes of each vehicle share, over that of the track (vehicles, ranges).
 
     What lies beyond the bands goes with the nearest.
@@ -72,7 +72,9 @@ def shared_by(vehicles: Vehicles, found: Sequence[Factors]) -> Array:
     return shared
 
 
-def hidden_by(vehicles: Vehicles, laid: Laid, found: Sequence[Factors], active: Mask) -> Array:
+def hidden_by(
+    vehicles: VehicleEffects, laid: PassStack, found: Sequence[Factors], active: Mask
+) -> Array:
     """Share of what they state that passes of one vehicle alone do not show between each other (ranges).
 
     They scatter less than they state if a part of the error, that of the vehicle's parameters, is the same in all.
@@ -91,7 +93,7 @@ def hidden_by(vehicles: Vehicles, laid: Laid, found: Sequence[Factors], active: 
 
 
 def notes_on(
-    vehicles: Vehicles, laid: Laid, found: Sequence[Factors], active: Mask, hidden: Array
+    vehicles: VehicleEffects, laid: PassStack, found: Sequence[Factors], active: Mask, hidden: Array
 ) -> list[str]:
     """What the vehicles have wrong, or what nobody can tell, in sentences."""
     seen = sorted({vehicles.names[one] for one in vehicles.number[active]})
@@ -124,7 +126,7 @@ def _of_one(name: str, less: Sequence[str]) -> str:
 
 
 def _sizes(
-    vehicles: Vehicles, laid: Laid, part: Range, found: Factors, active: Mask
+    vehicles: VehicleEffects, laid: PassStack, part: Range, found: Factors, active: Mask
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Standard deviation of what each vehicle's passes share, and what that has to exceed to be worth a word [m].
 

@@ -13,7 +13,7 @@ from trackprofile.fusion.combine import without_each
 from trackprofile.fusion.estimator import Trust, weights
 from trackprofile.fusion.rejection import (
     Contradiction,
-    Reason,
+    RejectionReason,
     Stretches,
     likeness,
     louder_in,
@@ -22,14 +22,19 @@ from trackprofile.fusion.rejection import (
     reason_of,
 )
 from trackprofile.fusion.spectral_bands import JUDGED, RANGES
-from trackprofile.fusion.stack import Laid
-from trackprofile.fusion.variance_components import Cells, Factors, cells, factors
+from trackprofile.fusion.stack import PassStack
+from trackprofile.fusion.variance_components import (
+    CovarianceCells,
+    Factors,
+    covariance_cells,
+    factors,
+)
 from trackprofile.fusion.vehicle_effects import (
-    Vehicles,
+    VehicleEffects,
     hidden_by,
     notes_on,
     shared_by,
-    vehicles_of,
+    vehicle_effects,
 )
 
 Array = NDArray[np.float64]
@@ -49,7 +54,7 @@ _ROUNDS = 4  # in which stretches are taken out
 
 
 @dataclass(frozen=True, eq=False)
-class Weighed:
+class PassWeights:
     """Passes and what they are worth.
 
     Parameters
@@ -71,12 +76,12 @@ class Weighed:
     notes: tuple[str, ...]
 
 
-def weigh(laid: Laid) -> Weighed:
+def estimate_weights(laid: PassStack) -> PassWeights:
     """Find the variances that make the passes' differences most probable, and leave out what contradicts the rest."""
     days = np.array([one.of.day.toordinal() for one in laid.passes], np.float64)
     days -= days.mean()
-    vehicles = vehicles_of(laid)
-    every = [cells(laid, part) for part in RANGES]
+    vehicles = vehicle_effects(laid)
+    every = [covariance_cells(laid, part) for part in RANGES]
     active, said = np.ones(days.size, bool), dict[int, Contradiction]()
     times = {part.name: np.ones(days.size) for part in JUDGED}
     while True:
@@ -98,11 +103,15 @@ def weigh(laid: Laid) -> Weighed:
         *notes_on(vehicles, laid, found, active, trust.hidden),
     )
     shares = _shares(laid, days, trust)
-    return Weighed(days, active, trust, times, shares, (*said.values(), *places), notes)
+    return PassWeights(days, active, trust, times, shares, (*said.values(), *places), notes)
 
 
 def _fitted(
-    laid: Laid, every: Sequence[Cells], days: Array, vehicles: Vehicles, active: Mask
+    laid: PassStack,
+    every: Sequence[CovarianceCells],
+    days: Array,
+    vehicles: VehicleEffects,
+    active: Mask,
 ) -> tuple[list[Factors], dict[int, Stretches]]:
     """The variances, and by range where passes are louder still.
 
@@ -136,7 +145,9 @@ def _fitted(
     return found, apart
 
 
-def _trust(laid: Laid, found: Sequence[Factors], active: Mask, vehicles: Vehicles) -> Trust:
+def _trust(
+    laid: PassStack, found: Sequence[Factors], active: Mask, vehicles: VehicleEffects
+) -> Trust:
     return Trust(
         louder=np.concatenate([each.louder for each in found], axis=1),
         local=np.ones((active.size, len(RANGES), laid.places.size)),
@@ -148,7 +159,7 @@ def _trust(laid: Laid, found: Sequence[Factors], active: Mask, vehicles: Vehicle
 
 
 def _worst(
-    laid: Laid, found: Sequence[Factors], active: Mask, said: Container[int]
+    laid: PassStack, found: Sequence[Factors], active: Mask, said: Container[int]
 ) -> tuple[int, Mapping[str, float]] | None:
     """The pass that contradicts the others most, of those of which it is not yet said."""
     if active.sum() < FEWEST:
@@ -159,25 +170,25 @@ def _worst(
     return max(left.items(), key=lambda one: max(one[1].values()), default=None)
 
 
-def _ends(laid: Laid, i: int) -> tuple[float, float]:
+def _ends(laid: PassStack, i: int) -> tuple[float, float]:
     known = laid.distance[np.isfinite(laid.level[i])]
     return float(known[0]), float(known[-1])
 
 
 def _contradiction(
-    laid: Laid, trust: Trust, i: int, times: Mapping[str, float], ends: tuple[float, float]
+    laid: PassStack, trust: Trust, i: int, times: Mapping[str, float], ends: tuple[float, float]
 ) -> Contradiction:
     """Say why a pass contradicts the others from one place to another; only noise is no reason to leave it out."""
     line = without_each(laid, trust)[i]
     reason, size = reason_of(likeness(laid, i, line, times, *ends))
     return Contradiction(
         laid.passes[i].of.name, reason, *ends, tuple(times), max(times.values()), size,
-        used=reason is Reason.NOISE,
+        used=reason is RejectionReason.NOISE,
     )  # fmt: skip
 
 
 def _stretch_by_stretch(
-    laid: Laid, apart: Mapping[int, Stretches], trust: Trust
+    laid: PassStack, apart: Mapping[int, Stretches], trust: Trust
 ) -> tuple[Array, list[Contradiction]]:
     """How much louder passes are on stretches where they contradict the others (n, ranges, k), and where that is."""
     local, said = np.ones(trust.local.shape), list[Contradiction]()
@@ -213,7 +224,7 @@ def _on_scatter(times: Mapping[str, Array], active: Mask) -> list[str]:
     ]
 
 
-def _shares(laid: Laid, days: Array, trust: Trust) -> dict[str, Array]:
+def _shares(laid: PassStack, days: Array, trust: Trust) -> dict[str, Array]:
     """What of the line on the mean day rests on each pass, by band."""
     found = {}
     for part in JUDGED:

@@ -18,22 +18,22 @@ from scipy.ndimage import uniform_filter1d
 from trackprofile.bands import BANDS, D3, Band, band_pass, edge_distance
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import (
-    Measured,
     Model,
-    moved,
+    Observations,
+    leading_wheel_motion,
     ride_of,
     row_signals,
     row_variance,
     start_of,
     walk_of,
 )
-from trackprofile.inference.outliers import doubted, marked, single_outliers
+from trackprofile.inference.outliers import outlier_faults, outlier_mask, single_outliers
 from trackprofile.inference.quality import quality, unexplained_samples
-from trackprofile.inference.sensitivity import by_the_vehicle
-from trackprofile.inference.track_correction import beyond_reduced
-from trackprofile.kalman.robust import Settled, settle
+from trackprofile.inference.sensitivity import vehicle_sensitivity
+from trackprofile.inference.track_correction import full_track_residual
+from trackprofile.kalman.robust import RobustResult, smooth_robustly
 from trackprofile.kalman.smoother import prior_draws, smooth
-from trackprofile.kalman.time_steps import Ride
+from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import Track
 from trackprofile.preprocessing.faults import Fault
@@ -59,7 +59,7 @@ assert edge_distance(D3) + FADE / 2 <= OVERLAP
 
 
 @dataclass(frozen=True)
-class Task:
+class BlockSettings:
     """What is the same for all blocks; see :func:`trackprofile.inference.infer.infer`.
 
     ``ends`` : m, where the leading wheel stood at the first and the last sample
@@ -86,7 +86,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Piece:
+class BlockResult:
     """What a block found.
 
     Parameters
@@ -111,7 +111,7 @@ class Piece:
     notes: tuple[str, ...]
 
 
-def cut(distance: Array) -> list[Block]:
+def cut_into_blocks(distance: Array) -> list[Block]:
     """Blocks of a ride, by where the leading wheel stood at its samples, (n,) in m; one where that is enough.
 
     Examples
@@ -135,7 +135,7 @@ def cut(distance: Array) -> list[Block]:
     ]
 
 
-def usual_draws(blocks: Sequence[Block]) -> int:
+def default_sample_count(blocks: Sequence[Block]) -> int:
     """How many draws a ride of these blocks takes: the shorter, the fewer waves it has to average over.
 
     Examples
@@ -149,7 +149,9 @@ def usual_draws(blocks: Sequence[Block]) -> int:
     return round(min(max(DRAWN / length, FEWEST_DRAWS), MOST_DRAWS))
 
 
-def solved(data: Measured, block: Block, task: Task, progress: Progress) -> Piece:
+def solve_block(
+    data: Observations, block: Block, task: BlockSettings, progress: Progress
+) -> BlockResult:
     """The smoother on one block.
 
     Raises
@@ -163,33 +165,35 @@ def solved(data: Measured, block: Block, task: Task, progress: Progress) -> Piec
     progress("smoothing", 0.2)
     variance, signals = row_variance(data, model, ride), row_signals(data, model, ride)
     start = start_of(data, model, system, ride)
-    walk = walk_of(ride, moved(data, model), model.sensors)
-    settled = settle(ride, model.spectrum, variance, start, signals, walk)
+    walk = walk_of(ride, leading_wheel_motion(data, model), model.sensors)
+    settled = smooth_robustly(ride, model.spectrum, variance, start, signals, walk)
     place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
     if task.correct:
-        beyond = beyond_reduced(data, model, task.track, place, settled.smoothed.elevation[:, 0])
+        beyond = full_track_residual(
+            data, model, task.track, place, settled.smoothed.elevation[:, 0]
+        )
         # What the full model explains is no fault of a sensor: all is judged anew without it.
         signals = signals - beyond[ride.samples, ride.sensors][:, None]
-        settled = settle(ride, model.spectrum, variance, start, signals, walk)
+        settled = smooth_robustly(ride, model.spectrum, variance, start, signals, walk)
     progress("smoothing", 0.5)
     generator = np.random.default_rng([task.seed, block.number])
     profiles, simulated = prior_draws(settled.prepared, task.draws, generator)
     errors = profiles - smooth(settled.prepared, simulated).elevation
     progress("smoothing", 0.8)
     elevation = settled.smoothed.elevation[:, 0]
-    slopes = by_the_vehicle(data, model, task.installation, place, elevation, progress)
+    slopes = vehicle_sensitivity(data, model, task.installation, place, elevation, progress)
     # The vehicle errs in the same way in all blocks.
     directions = np.random.default_rng(task.seed).standard_normal((slopes.shape[1], task.draws))
     bands, notes = band_spreads(errors + slopes @ directions, ride.spacing)
     known = np.maximum(settled.variances.elevation, 0.0)
-    found = doubted(settled.weights, data, model, ride)
+    found = outlier_faults(settled.weights, data, model, ride)
     flags = quality(
         place, bands, data, model, ride, _unexplained(data, ride, settled, variance),
-        data.faulty | marked(found, data, model), task.ends,
+        data.faulty | outlier_mask(found, data, model), task.ends,
     )  # fmt: skip
     kept = slice(*map(int, np.searchsorted(place, [block.begin, block.end + 1e-9])))
     left, likelihood = _of_its_own(data, block, ride, settled)
-    return Piece(
+    return BlockResult(
         place[kept],
         elevation[kept],
         np.sqrt(known + np.sum(slopes**2, axis=1))[kept],
@@ -202,7 +206,7 @@ def solved(data: Measured, block: Block, task: Task, progress: Progress) -> Piec
     )
 
 
-def joined(pieces: Sequence[Piece]) -> Piece:
+def join_blocks(pieces: Sequence[BlockResult]) -> BlockResult:
     """The profile of all blocks, faded from each to the next."""
     first = pieces[0]
     if len(pieces) == 1:
@@ -222,7 +226,7 @@ def joined(pieces: Sequence[Piece]) -> Piece:
         here = slice(start, start + len(weight))
         flags[here] = np.where(weight >= 0.5, piece.flags, flags[here])
     names = [name for name in first.bands if all(name in piece.bands for piece in pieces)]
-    return Piece(
+    return BlockResult(
         place,
         faded([piece.elevation for piece in pieces]),
         faded([piece.spread for piece in pieces]),
@@ -256,7 +260,7 @@ def _local_rms(draws: Array, spacing: float, band: Band) -> Array:
 
 
 def _unexplained(
-    data: Measured, ride: Ride, settled: Settled, variance: Array
+    data: Observations, ride: DiscretisedRun, settled: RobustResult, variance: Array
 ) -> NDArray[np.bool_]:
     """Samples around which the model does not explain what was measured, whatever weight they were given."""
     prepared, smoothed = settled.prepared, settled.smoothed
@@ -266,7 +270,9 @@ def _unexplained(
     return unexplained_samples(data, ride, surprise, smoothed.residual[:, 0], counted)
 
 
-def _of_its_own(data: Measured, block: Block, ride: Ride, settled: Settled) -> tuple[Array, float]:
+def _of_its_own(
+    data: Observations, block: Block, ride: DiscretisedRun, settled: RobustResult
+) -> tuple[Array, float]:
     """What the model leaves of a block's own samples, and their log-likelihood."""
     first = block.own.start - block.rows.start
     own = slice(first, first + block.own.stop - block.own.start)
@@ -286,7 +292,7 @@ def _of_the_whole(faults: Sequence[Fault], block: Block) -> Iterator[Fault]:
             yield replace(fault, first=first, last=last)
 
 
-def _weight(pieces: Sequence[Piece], number: int) -> Array:
+def _weight(pieces: Sequence[BlockResult], number: int) -> Array:
     """Of one piece, at each of its places: 1 but for the joints, over which it goes to 0."""
     place = pieces[number].place
     weight = np.ones(len(place))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.observations import Measured
+from trackprofile.inference.observations import Observations
 from trackprofile.models.roll import RollingVehicle
 from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.models.statespace import state_space, transfer_function
@@ -50,7 +50,7 @@ FEWEST = 40
 
 
 @dataclass(frozen=True)
-class Wiring:
+class ChannelAssignment:
     """Which measured channel each sensor has, and with which sign; ``turned``: on the vehicle turned round."""
 
     order: tuple[int, ...]
@@ -58,7 +58,7 @@ class Wiring:
     turned: bool = False
 
 
-def rewired(data: Measured, vehicle: Vehicle, track: PointTrack) -> Measured:
+def assign_channels(data: Observations, vehicle: Vehicle, track: PointTrack) -> Observations:
     """The recording with channels put right that were exchanged or turned round, said in its faults and notes.
 
     Nothing is changed where it is not much more likely so; one channel alone cannot tell. An accelerometer that reads
@@ -100,7 +100,7 @@ def rewired(data: Measured, vehicle: Vehicle, track: PointTrack) -> Measured:
     return _put_right(data, alike)
 
 
-def turned_sensors(data: Measured) -> Measured:
+def turned_sensors(data: Observations) -> Observations:
     """The same, on the vehicle turned round: what was ahead is behind, left is right, nose-up is nose-down."""
     sensors = tuple(
         replace(one, position=-one.position, lateral=-one.lateral, tilt=-one.tilt)
@@ -110,7 +110,7 @@ def turned_sensors(data: Measured) -> Measured:
     return replace(data, sensors=sensors, signals=data.signals * sign, turned=not data.turned)
 
 
-def _nose_down(data: Measured) -> tuple[int, ...]:
+def _nose_down(data: Observations) -> tuple[int, ...]:
     """The sign of what each sensor reads on the vehicle turned round."""
     return tuple(-1 if one.quantity in {PITCH_RATE, ROLL_RATE} else 1 for one in data.sensors)
 
@@ -124,24 +124,24 @@ def _pairs(
     return [(y, transfer_function(system, 2 * np.pi * f / speed, speed)) for f, y, speed in spectra]
 
 
-def _wirings(data: Measured, *, turnable: bool) -> list[Wiring]:
+def _wirings(data: Observations, *, turnable: bool) -> list[ChannelAssignment]:
     """As it is, the vehicle turned, one sign turned that gravity does not tell, or two channels exchanged."""
     count = len(data.sensors)
     straight, plus = tuple(range(count)), (1,) * count
-    found = [Wiring(straight, plus)]
+    found = [ChannelAssignment(straight, plus)]
     if turnable:
-        found.append(Wiring(straight, _nose_down(data), turned=True))
+        found.append(ChannelAssignment(straight, _nose_down(data), turned=True))
     told = data.by_gravity or (False,) * count
     for i in (i for i in range(count) if not told[i]):
-        found.append(Wiring(straight, tuple(-1 if j == i else 1 for j in range(count))))
+        found.append(ChannelAssignment(straight, tuple(-1 if j == i else 1 for j in range(count))))
     for i, j in combinations(range(count), 2):
         order = list(straight)
         order[i], order[j] = j, i
-        found.append(Wiring(tuple(order), plus))
+        found.append(ChannelAssignment(tuple(order), plus))
     return found
 
 
-def _spectra(data: Measured) -> Iterator[tuple[Array, ComplexArray, float]]:
+def _spectra(data: Observations) -> Iterator[tuple[Array, ComplexArray, float]]:
     """Frequencies (m,) in Hz, spectra (m, sensors) and mean speed of windows in which all is valid."""
     time, speed = data.motion.time, data.motion.speed
     interval = float(np.median(np.diff(time)))
@@ -160,7 +160,9 @@ def _spectra(data: Measured) -> Iterator[tuple[Array, ComplexArray, float]]:
         yield f[inside], np.fft.rfft(taper * signal, axis=0)[inside], float(going.mean())
 
 
-def _log_likelihood(pairs: list[tuple[ComplexArray, ComplexArray]], wiring: Wiring) -> float:
+def _log_likelihood(
+    pairs: list[tuple[ComplexArray, ComplexArray]], wiring: ChannelAssignment
+) -> float:
     """Of spectra (m, sensors) under transfer functions (m, sensors), the level at each frequency the likeliest."""
     total = 0.0
     for measured, h in pairs:
@@ -178,7 +180,7 @@ def _log_likelihood(pairs: list[tuple[ComplexArray, ComplexArray]], wiring: Wiri
     return total
 
 
-def _put_right(data: Measured, alike: list[Wiring]) -> Measured:
+def _put_right(data: Observations, alike: list[ChannelAssignment]) -> Observations:
     """The recording by the likeliest wiring, or by one of two that say the same: an exchange, or the vehicle turned."""
     turned = [one for one in alike if one.turned]
     others = [one for one in alike if not one.turned]
@@ -188,7 +190,7 @@ def _put_right(data: Measured, alike: list[Wiring]) -> Measured:
     return _rewired(data, others[0], ", or the vehicle runs the other way round" if turned else "")
 
 
-def _turned(data: Measured, others: list[Wiring]) -> Measured:
+def _turned(data: Observations, others: list[ChannelAssignment]) -> Observations:
     """The recording of the vehicle turned round; ``others`` would explain it as well, and are less likely."""
     last = len(data.motion.time) - 1
     doubt = ""
@@ -204,7 +206,7 @@ def _turned(data: Measured, others: list[Wiring]) -> Measured:
     )
 
 
-def _rewired(data: Measured, wiring: Wiring, doubt: str) -> Measured:
+def _rewired(data: Observations, wiring: ChannelAssignment, doubt: str) -> Observations:
     order, sign = list(wiring.order), np.array(wiring.sign, dtype=np.float64)
     last = len(data.motion.time) - 1
     changed = [i for i, (j, s) in enumerate(zip(order, sign, strict=True)) if i != j or s < 0]

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference.marginal_likelihood import Pass, innovations_of
+from trackprofile.inference.marginal_likelihood import RunData, pooled_innovations
 from trackprofile.inference.maximum_likelihood import Progress, maximise
 from trackprofile.inference.observations import (
-    USUAL,
-    Measured,
+    DEFAULT_SPECTRUM,
     Model,
-    calm,
-    moved,
+    Observations,
+    leading_wheel_motion,
+    outlier_free,
     ride_of,
     row_signals,
     row_variance,
@@ -22,15 +22,15 @@ from trackprofile.inference.observations import (
     walk_of,
 )
 from trackprofile.inference.parameters import (
-    Parameter,
-    changed,
-    knee_parameter,
+    ModelParameter,
+    corner_parameter,
     load_parameter,
     prior_parameters,
     values_of,
     white_noise_parameters,
+    with_values,
 )
-from trackprofile.kalman.robust import settle
+from trackprofile.kalman.robust import smooth_robustly
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import PointTrack
@@ -42,8 +42,8 @@ LONGEST_STRETCH = 1500.0
 """m of the recording that are enough to find a noise level."""
 
 
-def find_noise(
-    data: Measured,
+def find_hyperparameters(
+    data: Observations,
     vehicle: Vehicle,
     track: PointTrack,
     installation: Installation,
@@ -64,7 +64,7 @@ def find_noise(
         _started(data),
         installation.origin,
         installation.unmodelled or 0.0,
-        prior or USUAL,
+        prior or DEFAULT_SPECTRUM,
         installation.distance_scale,
     )
     unknowns = _unknowns(model, data, prior, load=load, knee=knee)
@@ -72,7 +72,9 @@ def find_noise(
         return model, _assumed(model)
     piece = _informative(data)
     # Samples that no level of the track explains would set it.
-    complete = _likeliest(replace(piece, valid=calm(piece)), model, model, unknowns, progress)
+    complete = _likeliest(
+        replace(piece, valid=outlier_free(piece)), model, model, unknowns, progress
+    )
     good = _believed(piece, complete)
     if good is not None:
         complete = _likeliest(good, model, complete, unknowns, progress)
@@ -84,10 +86,14 @@ def find_noise(
 
 
 def _likeliest(
-    piece: Measured, model: Model, begin: Model, unknowns: list[Parameter], progress: Progress
+    piece: Observations,
+    model: Model,
+    begin: Model,
+    unknowns: list[ModelParameter],
+    progress: Progress,
 ) -> Model:
     def of_piece(at: Array) -> tuple[Array, Array]:
-        return innovations_of([Pass(piece)], changed(model, unknowns, at))
+        return pooled_innovations([RunData(piece)], with_values(model, unknowns, at))
 
     precision = np.array([one.spread**-2 for one in unknowns])
     found = maximise(
@@ -97,16 +103,16 @@ def _likeliest(
         precision,
         lambda share: progress("finding the noise", share),
     )
-    return changed(model, unknowns, found.parameters)
+    return with_values(model, unknowns, found.parameters)
 
 
-def _believed(piece: Measured, model: Model) -> Measured | None:
+def _believed(piece: Observations, model: Model) -> Observations | None:
     """Without what the smoother weighs down; None where that is nothing."""
     system, ride = ride_of(piece, model)
     variance, signals = row_variance(piece, model, ride), row_signals(piece, model, ride)
-    walk = walk_of(ride, moved(piece, model), model.sensors)
+    walk = walk_of(ride, leading_wheel_motion(piece, model), model.sensors)
     start = start_of(piece, model, system, ride)
-    weights = settle(ride, model.spectrum, variance, start, signals, walk).weights
+    weights = smooth_robustly(ride, model.spectrum, variance, start, signals, walk).weights
     doubtful = (weights.own > 0.0) | (weights.louder > 1.0)
     if not doubtful.any():
         return None
@@ -121,7 +127,7 @@ def _assumed(model: Model) -> tuple[str, ...]:
     return ("the vehicle's model is taken to be exact: no unmodelled acceleration was calibrated",)
 
 
-def _started(data: Measured) -> tuple[Sensor, ...]:
+def _started(data: Observations) -> tuple[Sensor, ...]:
     """Sensors, with a first guess of the noise of those that do not state it."""
     interval = float(np.median(np.diff(data.motion.time)))
     sensors = []
@@ -134,19 +140,19 @@ def _started(data: Measured) -> tuple[Sensor, ...]:
 
 
 def _unknowns(
-    model: Model, data: Measured, prior: Spectrum | None, *, load: bool, knee: bool
-) -> list[Parameter]:
+    model: Model, data: Observations, prior: Spectrum | None, *, load: bool, knee: bool
+) -> list[ModelParameter]:
     level = [replace(one, name="prior amplitude") for one in prior_parameters(model)]
     noise = [
         replace(one, name=f"noise of {sensor.name!r}")
         for one, sensor in zip(white_noise_parameters(model), data.sensors, strict=True)
         if sensor.noise_density is None
     ]
-    level += [knee_parameter(model)] if knee else []
+    level += [corner_parameter(model)] if knee else []
     return [*(level if prior is None else []), *noise, *([load_parameter(model)] if load else [])]
 
 
-def _informative(data: Measured) -> Measured:
+def _informative(data: Observations) -> Observations:
     """The fastest stretch of up to ``LONGEST_STRETCH``: where the signals are strongest."""
     distance = data.motion.distance
     if distance[-1] - distance[0] <= LONGEST_STRETCH:

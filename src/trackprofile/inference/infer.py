@@ -12,24 +12,39 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import FILTER_NAME
 from trackprofile.contracts import build_profile, with_provenance, with_rails
-from trackprofile.inference.blocks import Block, Piece, Task, cut, joined, solved, usual_draws
-from trackprofile.inference.channel_assignment import rewired
-from trackprofile.inference.hyperparameters import find_noise
+from trackprofile.inference.blocks import (
+    Block,
+    BlockResult,
+    BlockSettings,
+    cut_into_blocks,
+    default_sample_count,
+    join_blocks,
+    solve_block,
+)
+from trackprofile.inference.channel_assignment import assign_channels
+from trackprofile.inference.hyperparameters import find_hyperparameters
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import (
     KNOT_SPACING,
-    Measured,
     Model,
+    Observations,
+    leading_wheel_motion,
     loading,
-    loudness,
-    measured,
-    moved,
+    observations,
+    signal_rms,
 )
-from trackprofile.inference.orientation import facing
-from trackprofile.inference.outliers import told
-from trackprofile.inference.position_uncertainty import deviation_at, of_true_distance
-from trackprofile.inference.rail_decomposition import ByRail, levels_of, of_difference
-from trackprofile.inference.sensitivity import with_gains
+from trackprofile.inference.orientation import orient
+from trackprofile.inference.outliers import describe_faults
+from trackprofile.inference.position_uncertainty import (
+    correct_wheel_scale,
+    position_standard_deviation,
+)
+from trackprofile.inference.rail_decomposition import (
+    RailDecomposition,
+    difference_installation,
+    rail_levels,
+)
+from trackprofile.inference.sensitivity import with_gain_uncertainty
 from trackprofile.models.receptance import point_track
 from trackprofile.models.roll import rolling_for, rolling_track
 from trackprofile.models.sensor import Installation
@@ -136,7 +151,7 @@ def estimate(
     correct: bool = False,
     load: bool = False,
     progress: Progress | None = None,
-    kept: MutableMapping[int, Piece] | None = None,
+    kept: MutableMapping[int, BlockResult] | None = None,
 ) -> Estimate:
     """As :func:`infer`, with the reproduced signals and what was found on the way.
 
@@ -145,25 +160,25 @@ def estimate(
     installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
     kept = {} if kept is None else kept
-    installation, scaled = of_true_distance(installation, recording)
-    data = measured(recording, installation)
-    sides, vehicle = facing(data, recording, vehicle, point_track(track), installation)
-    ride = _Ride(vehicle, installation, track, draws, seed, correct)
+    installation, scaled = correct_wheel_scale(installation, recording)
+    data = observations(recording, installation)
+    sides, vehicle = orient(data, recording, vehicle, point_track(track), installation)
+    ride = _SmootherSettings(vehicle, installation, track, draws, seed, correct)
     mean = _inferred(sides.mean, ride, prior, kept, 0, progress, load=load)
     difference = None
     if sides.difference is not None:
         ride = _of_difference(ride, sides, mean)
         difference = _inferred(
-            rewired(sides.difference, ride.vehicle, point_track(ride.track)), ride, None, kept,
+            assign_channels(sides.difference, ride.vehicle, point_track(ride.track)), ride, None, kept,
             mean.blocks, lambda stage, share: progress(f"{stage}, difference", share), knee=True,
         )  # fmt: skip
-    places, located = deviation_at(mean.piece.place, mean.run, recording)
+    places, located = position_standard_deviation(mean.piece.place, mean.run, recording)
     mean = replace(mean, notes=(*scaled, *located, *mean.notes))
     return _together(sides, mean, difference, places, track, vehicle)
 
 
 @dataclass(frozen=True)
-class _Ride:
+class _SmootherSettings:
     """What the smoother is told of one half of a recording; see :func:`infer`."""
 
     vehicle: Vehicle
@@ -178,8 +193,8 @@ class _Ride:
 class _Inferred:
     """What it found: in how many ``blocks``, from ``data``, at the samples' places ``run``; ``step`` says how."""
 
-    piece: Piece
-    data: Measured
+    piece: BlockResult
+    data: Observations
     model: Model
     run: Array
     notes: tuple[str, ...]
@@ -193,8 +208,8 @@ class _Inferred:
 
 
 def _inferred(
-    data: Measured, ride: _Ride, prior: Spectrum | None, kept: MutableMapping[int, Piece], first: int,
-    progress: Progress, *, load: bool = False, knee: bool = False,
+    data: Observations, ride: _SmootherSettings, prior: Spectrum | None,
+    kept: MutableMapping[int, BlockResult], first: int, progress: Progress, *, load: bool = False, knee: bool = False,
 ) -> _Inferred:  # fmt: skip
     """The smoother on one half; its blocks are kept from number ``first`` on.
 
@@ -202,21 +217,23 @@ def _inferred(
     """
     installation, track = ride.installation, ride.track
     calibrated = installation.uncertainty is not None
-    model, notes = find_noise(
+    model, notes = find_hyperparameters(
         data, ride.vehicle, point_track(track), installation, prior, progress, load=load, knee=knee
     )
     if any(data.gain_doubt):
-        installation = replace(installation, uncertainty=with_gains(installation.uncertainty, data))
+        installation = replace(
+            installation, uncertainty=with_gain_uncertainty(installation.uncertainty, data)
+        )
         notes += ("the uncertainty of a gain that an angle made is in that of the profile",)
-    run = moved(data, model).distance
-    blocks = cut(run)
-    draws = ride.draws or usual_draws(blocks)
+    run = leading_wheel_motion(data, model).distance
+    blocks = cut_into_blocks(run)
+    draws = ride.draws or default_sample_count(blocks)
     ends = (float(run[0]), float(run[-1]))
-    task = Task(model, installation, track, draws, ride.seed, ride.correct, ends)
-    data = replace(data, loud=loudness(data))
-    found = joined(_pieces(data, blocks, task, kept, first, progress))
+    task = BlockSettings(model, installation, track, draws, ride.seed, ride.correct, ends)
+    data = replace(data, loud=signal_rms(data))
+    found = join_blocks(_pieces(data, blocks, task, kept, first, progress))
     notes = (
-        *data.notes, *told((*data.faults, *found.faults), run), *notes,
+        *data.notes, *describe_faults((*data.faults, *found.faults), run), *notes,
         *_reduction(track, model.track, ride.correct),
     )  # fmt: skip
     if calibrated:
@@ -225,19 +242,21 @@ def _inferred(
     return _Inferred(found, data, model, run, notes, step, len(blocks))
 
 
-def _of_difference(ride: _Ride, sides: ByRail, mean: _Inferred) -> _Ride:
+def _of_difference(
+    ride: _SmootherSettings, sides: RailDecomposition, mean: _Inferred
+) -> _SmootherSettings:
     """On the rolling car, loaded as it was found to be; a full model of the track that rolls there is none."""
     assert sides.difference is not None
     support = point_track(ride.track)
     car = rolling_for(mean.model.vehicle, support, sides.halves[1].sensors)
-    installation = of_difference(ride.installation, ride.vehicle, car, sides.difference)
+    installation = difference_installation(ride.installation, ride.vehicle, car, sides.difference)
     return replace(
         ride, vehicle=car, installation=installation, track=rolling_track(support), correct=False
     )
 
 
 def _together(
-    sides: ByRail, mean: _Inferred, difference: _Inferred | None, places: Array | None, track: Track,
+    sides: RailDecomposition, mean: _Inferred, difference: _Inferred | None, places: Array | None, track: Track,
     vehicle: Vehicle,
 ) -> Estimate:  # fmt: skip
     """The profile of the mean, and beside it those of both rails where the difference is told."""
@@ -260,7 +279,7 @@ def _together(
         notes += tuple(f"difference of the rails: {note}" for note in difference.notes)
         remarks = tuple(dict.fromkeys((*remarks, *across.notes)))
         faults, likelihood = (*faults, *across.faults), likelihood + across.log_likelihood
-        profile = with_rails(profile, levels_of(found, across, sides.shared), across.flags)
+        profile = with_rails(profile, rail_levels(found, across, sides.shared), across.flags)
     return Estimate(
         with_provenance(profile, "; ".join([mean.step, *notes])),
         sides.of_sensors(mean.data.taken, None if difference is None else difference.data.taken),
@@ -274,19 +293,19 @@ def _together(
 
 
 def _pieces(
-    data: Measured, blocks: Sequence[Block], task: Task, kept: MutableMapping[int, Piece], first: int,
-    progress: Progress,
-) -> list[Piece]:  # fmt: skip
+    data: Observations, blocks: Sequence[Block], task: BlockSettings,
+    kept: MutableMapping[int, BlockResult], first: int, progress: Progress,
+) -> list[BlockResult]:  # fmt: skip
     """All blocks of a ride, solved, or taken from what was kept of an earlier one from number ``first`` on."""
 
-    def told(stage: str, share: float, number: int) -> None:
+    def describe_faults(stage: str, share: float, number: int) -> None:
         progress(stage, (number + share) / len(blocks) if stage == "smoothing" else share)
 
     pieces = []
     for block in blocks:
         piece = kept.get(first + block.number)
         if piece is None:
-            piece = solved(data, block, task, partial(told, number=block.number))
+            piece = solve_block(data, block, task, partial(describe_faults, number=block.number))
             if len(blocks) > 1:
                 kept[first + block.number] = piece
         pieces.append(piece)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.inference.observations import (
-    USUAL,
-    Measured,
+    DEFAULT_SPECTRUM,
     Model,
+    Observations,
     prepared_filter,
     ride_of,
     row_signals,
@@ -23,15 +23,15 @@ from trackprofile.models.spectrum import scaled
 
 Array = NDArray[np.float64]
 
-EXACT = scaled(USUAL, 1e-9)
+EXACT = scaled(DEFAULT_SPECTRUM, 1e-9)
 """Of the error of a profile that is known."""
 
 
 @dataclass(frozen=True)
-class Pass:
+class RunData:
     """What was measured, the profile under it (None where that is unknown), and which recording it is of."""
 
-    data: Measured
+    data: Observations
     known: KnownProfile | None = None
     number: int = 1
 
@@ -41,7 +41,7 @@ class Pass:
         return float(np.ptp(self.data.motion.distance))
 
 
-def innovations_of(passes: Sequence[Pass], model: Model) -> tuple[Array, Array]:
+def pooled_innovations(passes: Sequence[RunData], model: Model) -> tuple[Array, Array]:
     """Innovations and their variances, each (rows,), of all passes.
 
     A profile that is unknown is one of the model's spectrum; of one that is known, the signals that it makes are
@@ -53,22 +53,24 @@ def innovations_of(passes: Sequence[Pass], model: Model) -> tuple[Array, Array]:
     return np.concatenate([e[:, 0] for e, _ in parts]), np.concatenate([S for _, S in parts])
 
 
-def rows_of(passes: Sequence[Pass]) -> list[int]:
+def row_counts(passes: Sequence[RunData]) -> list[int]:
     """How many innovations each pass has."""
     return [int(np.count_nonzero(one.data.valid)) for one in passes]
 
 
-def _of_one(data: Measured, model: Model) -> tuple[Array, Array]:
+def _of_one(data: Observations, model: Model) -> tuple[Array, Array]:
     system, ride = ride_of(data, model)
     prepared = prepared_filter(data, model, ride, start_of(data, model, system, ride))
     return innovations(prepared, row_signals(data, model, ride)), prepared.innovation_variance
 
 
-def _given(one: Pass, model: Model) -> tuple[Array, Array]:
+def _given(one: RunData, model: Model) -> tuple[Array, Array]:
     assert one.known is not None
     system, ride = ride_of(one.data, model)
-    start = start_of(one.data, replace(model, spectrum=USUAL), system, ride)
+    start = start_of(one.data, replace(model, spectrum=DEFAULT_SPECTRUM), system, ride)
     signals = row_signals(one.data, model, ride) - one.known.response(ride, start)
-    around = replace(start, coefficients=EXACT.amplitude / USUAL.amplitude * start.coefficients)
+    around = replace(
+        start, coefficients=EXACT.amplitude / DEFAULT_SPECTRUM.amplitude * start.coefficients
+    )
     prepared = prepared_filter(one.data, replace(model, spectrum=EXACT), ride, around)
     return innovations(prepared, signals), prepared.innovation_variance

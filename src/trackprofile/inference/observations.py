@@ -12,8 +12,13 @@ from numpy.typing import NDArray
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.validation import steps_of
 from trackprofile.errors import DataError, ModelError
-from trackprofile.kalman.smoother import Filter, Start, prepare, start_of_ride
-from trackprofile.kalman.time_steps import Ride, Walk, build_ride, with_offsets
+from trackprofile.kalman.smoother import InitialState, KalmanGains, initial_state, kalman_gains
+from trackprofile.kalman.time_steps import (
+    DiscretisedRun,
+    OffsetWalk,
+    discretise_run,
+    with_offset_variance,
+)
 from trackprofile.models.kinematics import Motion, along_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
@@ -22,7 +27,7 @@ from trackprofile.models.track import PointTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.positioning.sources import PLACED
 from trackprofile.preprocessing.clock import MENDED
-from trackprofile.preprocessing.fault_detectors import far, resolution
+from trackprofile.preprocessing.fault_detectors import outlying, resolution
 from trackprofile.preprocessing.faults import (
     GAP,
     LEFT_OUT,
@@ -32,7 +37,7 @@ from trackprofile.preprocessing.faults import (
     samples_of,
 )
 from trackprofile.preprocessing.motion import motion
-from trackprofile.preprocessing.mounting import Upright, freed_of_gravity
+from trackprofile.preprocessing.mounting import MountingCorrection, correct_mounting
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -40,7 +45,7 @@ Mask = NDArray[np.bool_]
 KNOT_SPACING = 0.25
 """m between the spline's knots: EN 13848-2 asks for a sampling distance of at most this."""
 
-USUAL = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee of ")
+DEFAULT_SPECTRUM = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee of ")
 """Where the search for the prior starts: between FRA 6 and a good main line."""
 
 LOCAL = 50.0
@@ -51,7 +56,7 @@ TINY = 1e-30
 
 
 @dataclass(frozen=True)
-class Measured:
+class Observations:
     """A recording, ready for any vehicle.
 
     Parameters
@@ -94,7 +99,7 @@ class Measured:
         """The signals, (n, sensors); NaN where they are not valid."""
         return np.where(self.valid, self.signals, np.nan)
 
-    def part(self, rows: slice | Mask) -> Measured:
+    def part(self, rows: slice | Mask) -> Observations:
         """The same of some samples only."""
         m = self.motion
         motion = Motion(m.time[rows], m.distance[rows], m.speed[rows], m.acceleration[rows])
@@ -104,7 +109,7 @@ class Measured:
         )  # fmt: skip
 
 
-def measured(recording: xr.Dataset, installation: Installation) -> Measured:
+def observations(recording: xr.Dataset, installation: Installation) -> Observations:
     """Take a recording apart; calibrated sensors replace what the recording says of them.
 
     Samples with a fault that leaves nothing of them are not valid; gravity is taken off.
@@ -122,12 +127,12 @@ def measured(recording: xr.Dataset, installation: Installation) -> Measured:
         return np.stack([samples_of(faults, one.name, count, kinds) for one in parts], axis=1)
 
     valid &= ~marked(LEFT_OUT)
-    upright = [freed_of_gravity(one, good) for one, good in zip(parts, valid.T, strict=True)]
+    upright = [correct_mounting(one, good) for one, good in zip(parts, valid.T, strict=True)]
     signals = np.stack([one.values for one in upright], axis=1)
     steps = np.zeros(signals.shape, np.float32)
     for i, channel in enumerate(parts):
         steps[valid[:, i], i] = resolution(channel.values[valid[:, i]])
-    return Measured(
+    return Observations(
         motion(recording),
         tuple(_sensor(channel, installation.sensors) for channel in parts),
         np.where(valid, signals, 0.0),
@@ -162,7 +167,9 @@ def _alive(
     return alive, lost
 
 
-def _mounted(parts: Sequence[Channel], upright: Sequence[Upright], count: int) -> Iterator[Fault]:
+def _mounted(
+    parts: Sequence[Channel], upright: Sequence[MountingCorrection], count: int
+) -> Iterator[Fault]:
     for channel, one in zip(parts, upright, strict=True):
         if one.said:
             yield Fault(FaultKind.MOUNTING, channel.name, 0, count - 1, one.said)
@@ -200,17 +207,17 @@ class Model:
     distance_scale: float = 1.0
 
 
-def moved(data: Measured, model: Model) -> Motion:
+def leading_wheel_motion(data: Observations, model: Model) -> Motion:
     """How the leading wheel moved along the track."""
     return along_track(data.motion, model.origin, model.distance_scale)
 
 
-def own_acceleration(sensors: Sequence[Sensor], motion: Motion) -> Array:
+def tilt_acceleration(sensors: Sequence[Sensor], motion: Motion) -> Array:
     """What tilted sensors read of the train's own acceleration, (n, sensors)."""
     return np.outer(motion.acceleration, [sensor.gain_across for sensor in sensors])
 
 
-def filtered_sensors(data: Measured, model: Model) -> tuple[Sensor, ...]:
+def filtered_sensors(data: Observations, model: Model) -> tuple[Sensor, ...]:
     """The model's sensors, with the low-passes that the signals went through."""
     if not data.low_pass:
         return model.sensors
@@ -220,7 +227,7 @@ def filtered_sensors(data: Measured, model: Model) -> tuple[Sensor, ...]:
     )
 
 
-def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
+def ride_of(data: Observations, model: Model) -> tuple[StateSpace, DiscretisedRun]:
     """The ride of the model's vehicle through the recorded motion.
 
     Raises
@@ -228,55 +235,55 @@ def ride_of(data: Measured, model: Model) -> tuple[StateSpace, Ride]:
     DataError
         Where the recording is shorter than the vehicle.
     """
-    along = moved(data, model)
+    along = leading_wheel_motion(data, model)
     run, length = along.distance[-1] - along.distance[0], model.vehicle.length
     if run < max(length, 4 * KNOT_SPACING):
         raise DataError(
             f"The recording covers {run:.1f} m, but from the first to the last wheel of "
             f"{model.vehicle.name!r} there are {length:.1f} m; record a longer stretch."
         )
-    loud = loudness(data)
+    loud = signal_rms(data)
     shaking = unmodelled_deviation(data, model)
     system = state_space(
         model.vehicle, model.track, filtered_sensors(data, model), shaking, tuple(loud)
     )
-    ride = build_ride(system, along, data.valid, KNOT_SPACING)
+    ride = discretise_run(system, along, data.valid, KNOT_SPACING)
     if system.disturbance.shape[1] > 0:
-        local = np.interp(ride.bay_position, along.distance, local_loudness(data, loud))
+        local = np.interp(ride.bay_position, along.distance, local_signal_rms(data, loud))
         ride = replace(ride, Q=ride.Q * np.square(local)[:, None, None])
     walk = walk_of(ride, along, model.sensors)
-    return system, with_offsets(ride, np.outer(walk.duration, walk.rate**2))
+    return system, with_offset_variance(ride, np.outer(walk.duration, walk.rate**2))
 
 
-def walk_of(ride: Ride, motion: Motion, sensors: Sequence[Sensor]) -> Walk:
+def walk_of(ride: DiscretisedRun, motion: Motion, sensors: Sequence[Sensor]) -> OffsetWalk:
     """How the offsets, last of the states, walk through the bays of a ride."""
     entered = np.interp(ride.bay_position, motion.distance, motion.time)
     duration = np.maximum(np.diff(entered, append=motion.time[-1]), 0.0)
-    return Walk(duration, np.array([sensor.drift_rate for sensor in sensors]))
+    return OffsetWalk(duration, np.array([sensor.drift_rate for sensor in sensors]))
 
 
-def loudness(data: Measured) -> Array:
+def signal_rms(data: Observations) -> Array:
     """Root mean square of each signal about its mean, (sensors,)."""
     if data.loud is not None:
         return data.loud
-    pairs = zip(data.signals.T, calm(data).T, strict=True)
+    pairs = zip(data.signals.T, outlier_free(data).T, strict=True)
     return np.array([np.std(values[good]) for values, good in pairs], dtype=np.float64)
 
 
-def calm(data: Measured) -> Mask:
+def outlier_free(data: Observations) -> Mask:
     """Valid samples, (n, sensors), without those so far off that they would make all others look weak."""
     good = data.valid.copy()
     for values, here in zip(data.signals.T, good.T, strict=True):
-        here[here] = ~far(values[here])
+        here[here] = ~outlying(values[here])
     return good
 
 
-def local_loudness(data: Measured, loud: Array) -> Array:
+def local_signal_rms(data: Observations, loud: Array) -> Array:
     """Root mean square of the signals within ``LOCAL`` m of each sample, in units of the whole recording's.
 
     What a rigid, linear car leaves out grows with what excites it.
     """
-    good = calm(data)
+    good = outlier_free(data)
     mean = np.array([np.mean(data.signals[here, i]) for i, here in enumerate(good.T)])
     squares = np.where(good, np.square((data.signals - mean) / np.maximum(loud, TINY)), 0.0)
     power = np.concatenate([[0.0], np.cumsum(np.sum(squares, axis=1))])
@@ -287,20 +294,20 @@ def local_loudness(data: Measured, loud: Array) -> Array:
     return np.asarray(np.sqrt(mean_power), np.float64)
 
 
-def unmodelled_deviation(data: Measured, model: Model) -> float:
+def unmodelled_deviation(data: Observations, model: Model) -> float:
     """Standard deviation of the unmodelled acceleration, m/s²: a share of what is measured on the first body."""
     if model.unmodelled == 0.0:
         return 0.0
-    i = shaken_channel(model.vehicle, data.sensors)
+    i = first_body_channel(model.vehicle, data.sensors)
     if i is None:
         raise ModelError(
             f"Unmodelled acceleration is a share of what is measured on {model.vehicle.bodies[0].name!r}, where the "
             "recording has no accelerometer; set unmodelled to 0 in the installation."
         )
-    return float(model.unmodelled * loudness(data)[i])
+    return float(model.unmodelled * signal_rms(data)[i])
 
 
-def shaken_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
+def first_body_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
     """Index of the first accelerometer on the vehicle's first body, if there is one."""
     for i, sensor in enumerate(sensors):
         if (sensor.body, sensor.quantity) == (vehicle.bodies[0].name, VERTICAL_ACCELERATION):
@@ -308,15 +315,19 @@ def shaken_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
     return None
 
 
-def prepared_filter(data: Measured, model: Model, ride: Ride, start: Start) -> Filter:
+def prepared_filter(
+    data: Observations, model: Model, ride: DiscretisedRun, start: InitialState
+) -> KalmanGains:
     """The smoother for that ride, with each sample's noise."""
-    return prepare(ride, model.spectrum, row_variance(data, model, ride), start)
+    return kalman_gains(ride, model.spectrum, row_variance(data, model, ride), start)
 
 
-def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> Start:
+def start_of(
+    data: Observations, model: Model, system: StateSpace, ride: DiscretisedRun
+) -> InitialState:
     """The prior of the first state, with the spread of unmodelled accelerations, filters, flicker and offsets."""
-    loud = loudness(data)
-    most = float(np.max(local_loudness(data, loud)))
+    loud = signal_rms(data)
+    most = float(np.max(local_signal_rms(data, loud)))
     residuals = [
         one.residual.share * v if one.residual else 0.0
         for one, v in zip(model.sensors, loud, strict=True)
@@ -329,10 +340,10 @@ def start_of(data: Measured, model: Model, system: StateSpace, ride: Ride) -> St
     filters += [float(value) for value in low_passes if value]
     offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
     others = np.array([*np.repeat(filters, FILTER_STATES), *np.sqrt(system.flicker), *offsets])
-    return start_of_ride(system, model.spectrum, ride, others)
+    return initial_state(system, model.spectrum, ride, others)
 
 
-def row_variance(data: Measured, model: Model, ride: Ride) -> Array:
+def row_variance(data: Observations, model: Model, ride: DiscretisedRun) -> Array:
     """Noise of each row: N² · max(1/(2 Δt), bandwidth), and step²/12 where recorded in steps.
 
     Sampled more slowly than its own filter passes, a sensor folds all its noise into each sample.
@@ -372,7 +383,7 @@ def sampling_intervals(time: Array, valid: Mask) -> Array:
     return interval
 
 
-def row_signals(data: Measured, model: Model, ride: Ride) -> Array:
+def row_signals(data: Observations, model: Model, ride: DiscretisedRun) -> Array:
     """The measured signals by row, without the train's own acceleration in tilted sensors, (rows, 1)."""
-    own = own_acceleration(model.sensors, moved(data, model))
+    own = tilt_acceleration(model.sensors, leading_wheel_motion(data, model))
     return (data.signals - own)[ride.samples, ride.sensors][:, None]

@@ -8,24 +8,24 @@ import xarray as xr
 
 from trackprofile.contracts.recording import LAST, leading_end
 from trackprofile.errors import DataError
-from trackprofile.inference.channel_assignment import rewired, turned_sensors
-from trackprofile.inference.observations import Measured
-from trackprofile.inference.rail_decomposition import ByRail, by_rail
+from trackprofile.inference.channel_assignment import assign_channels, turned_sensors
+from trackprofile.inference.observations import Observations
+from trackprofile.inference.rail_decomposition import RailDecomposition, decompose_rails
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import PointTrack
 from trackprofile.models.vehicle import Vehicle, turned_round
 
 
-def facing(
-    data: Measured, recording: xr.Dataset, vehicle: Vehicle, track: PointTrack, installation: Installation
-) -> tuple[ByRail, Vehicle]:  # fmt: skip
+def orient(
+    data: Observations, recording: xr.Dataset, vehicle: Vehicle, track: PointTrack, installation: Installation
+) -> tuple[RailDecomposition, Vehicle]:  # fmt: skip
     """What was measured, taken apart, with what was exchanged put right, and the vehicle with the end first that leads.
 
     Raises
     ------
     DataError
-        See `trackprofile.inference.channel_assignment.rewired` and
-        `trackprofile.inference.rail_decomposition.by_rail`.
+        See `trackprofile.inference.channel_assignment.assign_channels` and
+        `trackprofile.inference.rail_decomposition.decompose_rails`.
     """
 
     def ahead(turned: bool) -> Vehicle:
@@ -33,11 +33,11 @@ def facing(
 
     if leading_end(recording) == LAST:
         data = turned_sensors(data)
-    sides = by_rail(data, ahead(data.turned), track, installation)
-    mean = rewired(sides.mean, ahead(data.turned), track)
+    sides = decompose_rails(data, ahead(data.turned), track, installation)
+    mean = assign_channels(sides.mean, ahead(data.turned), track)
     if mean.turned != data.turned:
         # What stood to the left stands to the right.
-        sides = by_rail(turned_sensors(data), ahead(mean.turned), track, installation)
+        sides = decompose_rails(turned_sensors(data), ahead(mean.turned), track, installation)
     return replace(sides, mean=mean), ahead(mean.turned)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.arrays import runs
-from trackprofile.inference.observations import Measured, Model
-from trackprofile.kalman.robust import LOUDER, Weights
-from trackprofile.kalman.time_steps import Ride
+from trackprofile.inference.observations import Model, Observations
+from trackprofile.kalman.robust import LOUDER, NoiseWeights
+from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.preprocessing.faults import Fault, FaultKind
 
 Array = NDArray[np.float64]
@@ -27,7 +27,9 @@ NAMED = 3
 """Places that are named; of more it is said how many there are."""
 
 
-def doubted(weights: Weights, data: Measured, model: Model, ride: Ride) -> tuple[Fault, ...]:
+def outlier_faults(
+    weights: NoiseWeights, data: Observations, model: Model, ride: DiscretisedRun
+) -> tuple[Fault, ...]:
     """Outliers, stretches that are louder than their sensor, offsets that jump or drift."""
     found: list[Fault] = []
     for i, sensor in enumerate(model.sensors):
@@ -46,7 +48,12 @@ def doubted(weights: Weights, data: Measured, model: Model, ride: Ride) -> tuple
 
 
 def _offsets(
-    weights: Weights, data: Measured, ride: Ride, i: int, name: str, at: NDArray[np.int64]
+    weights: NoiseWeights,
+    data: Observations,
+    ride: DiscretisedRun,
+    i: int,
+    name: str,
+    at: NDArray[np.int64],
 ) -> Iterator[Fault]:
     for bay in np.flatnonzero(weights.jumps[:, i]):
         row = int(np.searchsorted(ride.first_row, ride.first_row[bay + 1], side="left"))
@@ -60,7 +67,7 @@ def _offsets(
         yield Fault(FaultKind.DRIFT, name, int(at[0]), int(at[-1]), f"{rate:.2g} per root second")
 
 
-def single_outliers(weights: Weights, ride: Ride) -> Mask:
+def single_outliers(weights: NoiseWeights, ride: DiscretisedRun) -> Mask:
     """Rows, (rows,), of outliers of which no more than ``SINGLE`` stand in a row."""
     found = np.zeros(len(weights.own), bool)
     for i in range(ride.offsets):
@@ -70,7 +77,7 @@ def single_outliers(weights: Weights, ride: Ride) -> Mask:
     return found
 
 
-def marked(faults: Sequence[Fault], data: Measured, model: Model) -> Mask:
+def outlier_mask(faults: Sequence[Fault], data: Observations, model: Model) -> Mask:
     """Samples, (samples, sensors), that count for less because of those faults."""
     found = np.zeros(data.signals.shape, bool)
     names = [sensor.name for sensor in model.sensors]
@@ -79,12 +86,12 @@ def marked(faults: Sequence[Fault], data: Measured, model: Model) -> Mask:
     return found
 
 
-def said(data: Measured) -> tuple[str, ...]:
+def describe_observations(data: Observations) -> tuple[str, ...]:
     """What was found wrong before anything was modelled, and what was done about it, in sentences."""
-    return (*data.notes, *told(data.faults, data.motion.distance))
+    return (*data.notes, *describe_faults(data.faults, data.motion.distance))
 
 
-def told(faults: Sequence[Fault], distance: Array) -> tuple[str, ...]:
+def describe_faults(faults: Sequence[Fault], distance: Array) -> tuple[str, ...]:
     """One sentence for each kind of fault of each channel: how often, how much, and where.
 
     Parameters

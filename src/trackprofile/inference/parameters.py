@@ -29,7 +29,7 @@ MEASURED = 0.3
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ModelParameter:
     """A number of the model. Positive ones are fitted by their logarithm.
 
     Parameters
@@ -46,18 +46,18 @@ class Parameter:
     positive: bool = True
 
 
-def value_of(model: Model, parameter: Parameter) -> float:
+def value_of(model: Model, parameter: ModelParameter) -> float:
     """The parameter's value in the model; its logarithm where it is positive."""
     value = parameter.get(model)
     return float(np.log(value)) if parameter.positive else float(value)
 
 
-def values_of(model: Model, parameters: Sequence[Parameter]) -> Array:
+def values_of(model: Model, parameters: Sequence[ModelParameter]) -> Array:
     """Those of several, (parameters,)."""
     return np.array([value_of(model, one) for one in parameters], dtype=np.float64)
 
 
-def changed(model: Model, parameters: Sequence[Parameter], at: Array) -> Model:
+def with_values(model: Model, parameters: Sequence[ModelParameter], at: Array) -> Model:
     """The model with the parameters at those values (logarithms where positive)."""
     values = [
         float(np.exp(value) if one.positive else value)
@@ -68,7 +68,9 @@ def changed(model: Model, parameters: Sequence[Parameter], at: Array) -> Model:
     )
 
 
-def chosen(every: Sequence[Parameter], names: Sequence[str]) -> list[Parameter]:
+def select_parameters(
+    every: Sequence[ModelParameter], names: Sequence[str]
+) -> list[ModelParameter]:
     """Those of the given names.
 
     Raises
@@ -85,11 +87,11 @@ def chosen(every: Sequence[Parameter], names: Sequence[str]) -> list[Parameter]:
     return [one for one in every if one.name in names]
 
 
-def vehicle_parameters(model: Model) -> list[Parameter]:
+def vehicle_parameters(model: Model) -> list[ModelParameter]:
     """Masses, inertias and suspension, as the vehicle names them; without those that only roll feels."""
 
-    def one(name: str, unit: str, spread: float) -> Parameter:
-        return Parameter(
+    def one(name: str, unit: str, spread: float) -> ModelParameter:
+        return ModelParameter(
             name, unit, spread,
             lambda model: parameter_values(model.vehicle)[name],
             lambda model, value: replace(model, vehicle=with_parameters(model.vehicle, {name: value})),
@@ -102,7 +104,7 @@ def vehicle_parameters(model: Model) -> list[Parameter]:
     ]
 
 
-def place_parameters(model: Model) -> list[Parameter]:
+def place_parameters(model: Model) -> list[ModelParameter]:
     """The train's place on the line, and the sensors' on the train."""
     return [_field(ORIGIN, "m", 5.0, "origin", positive=False)] + [
         _of_sensor(model, i, "position", "m", MEASURED, "position", positive=False)
@@ -110,7 +112,7 @@ def place_parameters(model: Model) -> list[Parameter]:
     ]
 
 
-def mounting_parameters(model: Model) -> list[Parameter]:
+def mounting_parameters(model: Model) -> list[ModelParameter]:
     """Gain and tilt of the sensors, and the wheel that counts the distance."""
     every = [_field("distance scale", "true per recorded", 0.01, "distance_scale")]
     for i, sensor in enumerate(model.sensors):
@@ -120,7 +122,7 @@ def mounting_parameters(model: Model) -> list[Parameter]:
     return every
 
 
-def track_parameters(model: Model) -> list[Parameter]:
+def track_parameters(model: Model) -> list[ModelParameter]:
     """k_t and c_t under each wheel, where the track has them."""
     if not isinstance(model.track, ElasticTrack):
         return []
@@ -130,7 +132,7 @@ def track_parameters(model: Model) -> list[Parameter]:
     return every
 
 
-def calibrated_parameters(model: Model) -> list[Parameter]:
+def calibrated_parameters(model: Model) -> list[ModelParameter]:
     """All that a calibration may fit, beside the noise."""
     return (
         vehicle_parameters(model)
@@ -140,17 +142,17 @@ def calibrated_parameters(model: Model) -> list[Parameter]:
     )
 
 
-def prior_parameters(model: Model) -> list[Parameter]:
+def prior_parameters(model: Model) -> list[ModelParameter]:
     """How rough the track is."""
     return [_field("prior level", "m² rad/m", 3.0, "spectrum.amplitude")]
 
 
-def knee_parameter(model: Model) -> Parameter:
+def corner_parameter(model: Model) -> ModelParameter:
     """Where the spectrum's short waves begin to fall faster."""
     return _field("prior knee", "rad/m", 0.7, "spectrum.upper")
 
 
-def load_parameter(model: Model) -> Parameter:
+def load_parameter(model: Model) -> ModelParameter:
     """What the first body weighs on the day, of what it weighs in the model; its inertia goes with it."""
     empty = model.vehicle.bodies[0]
 
@@ -163,13 +165,13 @@ def load_parameter(model: Model) -> Parameter:
         bodies = (loaded, *model.vehicle.bodies[1:])
         return replace(model, vehicle=replace(model.vehicle, bodies=bodies))
 
-    return Parameter(
+    return ModelParameter(
         "load", f"of the {empty.name}'s mass", LOADED,
         lambda model: model.vehicle.bodies[0].mass / empty.mass, put,
     )  # fmt: skip
 
 
-def white_noise_parameters(model: Model) -> list[Parameter]:
+def white_noise_parameters(model: Model) -> list[ModelParameter]:
     """The white noise of each sensor."""
     return [
         _of_sensor(model, i, "noise", _unit(one) + "/√Hz", 2.0, "noise_density")
@@ -177,7 +179,7 @@ def white_noise_parameters(model: Model) -> list[Parameter]:
     ]
 
 
-def noise_parameters(model: Model) -> list[Parameter]:
+def noise_parameters(model: Model) -> list[ModelParameter]:
     """White noise and drift of each sensor, and the unmodelled acceleration."""
     every = []
     for i, (one, white) in enumerate(
@@ -191,7 +193,7 @@ def noise_parameters(model: Model) -> list[Parameter]:
     return every
 
 
-def residual_parameters(model: Model) -> list[Parameter]:
+def residual_parameters(model: Model) -> list[ModelParameter]:
     """The coloured residual of each sensor that has one."""
     return [
         _of_sensor(model, i, f"residual {word}", unit, spread, f"residual.{word}")
@@ -207,9 +209,11 @@ def _unit(sensor: Sensor) -> str:
     return UNITS[sensor.quantity].replace("s2", "s²")
 
 
-def _field(name: str, unit: str, spread: float, path: str, *, positive: bool = True) -> Parameter:
+def _field(
+    name: str, unit: str, spread: float, path: str, *, positive: bool = True
+) -> ModelParameter:
     """A field of the model, or a field of a field of it."""
-    return Parameter(
+    return ModelParameter(
         name, unit, spread,
         lambda model: float(attrgetter(path)(model)),
         lambda model, value: _with(model, path.split("."), value),
@@ -219,7 +223,7 @@ def _field(name: str, unit: str, spread: float, path: str, *, positive: bool = T
 
 def _of_sensor(
     model: Model, i: int, word: str, unit: str, spread: float, path: str, *, positive: bool = True
-) -> Parameter:
+) -> ModelParameter:
     """A field of one sensor, or a field of a field of it."""
 
     def put(model: Model, value: float) -> Model:
@@ -227,7 +231,7 @@ def _of_sensor(
         sensors[i] = _with(sensors[i], path.split("."), value)
         return replace(model, sensors=tuple(sensors))
 
-    return Parameter(
+    return ModelParameter(
         f"{word} of {model.sensors[i].name}", unit, spread,
         lambda model: float(attrgetter(path)(model.sensors[i])),
         put,

@@ -21,7 +21,7 @@ NORMAL_95 = 1.96
 """Standard deviations to each side that hold 95 %."""
 
 
-def of_true_distance(
+def correct_wheel_scale(
     installation: Installation, recording: xr.Dataset
 ) -> tuple[Installation, tuple[str, ...]]:
     """The installation without a distance scale that positions have put right already, and a sentence on that.
@@ -39,7 +39,7 @@ def of_true_distance(
     )
 
 
-def deviation_at(
+def position_standard_deviation(
     place: Array, run: Array, recording: xr.Dataset
 ) -> tuple[Array | None, tuple[str, ...]]:
     """Standard deviation of where points are, (n,) m, and a sentence on it; None where nobody can say.

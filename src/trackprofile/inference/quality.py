@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import D1, Band, edge_distance
 from trackprofile.contracts import Quality
-from trackprofile.inference.observations import KNOT_SPACING, Measured, Model, moved
-from trackprofile.kalman.time_steps import Ride
+from trackprofile.inference.observations import (
+    KNOT_SPACING,
+    Model,
+    Observations,
+    leading_wheel_motion,
+)
+from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.preprocessing.faults import GAP
@@ -38,7 +43,7 @@ FELT = 4 * KNOT_SPACING
 
 
 def quality(
-    place: Array, bands: Mapping[str, Array], data: Measured, model: Model, ride: Ride, unexplained: Mask,
+    place: Array, bands: Mapping[str, Array], data: Observations, model: Model, ride: DiscretisedRun, unexplained: Mask,
     faulty: Mask, ends: tuple[float, float],
 ) -> NDArray[np.int16]:  # fmt: skip
     """Flags of every knot.
@@ -51,7 +56,7 @@ def quality(
     faulty : (samples, sensors), left out or weighted down
     ends : of the whole ride, m
     """
-    run = moved(data, model).distance
+    run = leading_wheel_motion(data, model).distance
     flags = np.zeros(len(place), np.int16)
     flags[~felt_at(place, run[data.valid.any(axis=1)], model.vehicle, None)] |= Quality.GAP
     if "D1" in bands:
@@ -91,7 +96,7 @@ def missed(sampled: Array) -> Array:
 
 
 def unexplained_samples(
-    data: Measured, ride: Ride, surprise: Array, left: Array, counted: Mask
+    data: Observations, ride: DiscretisedRun, surprise: Array, left: Array, counted: Mask
 ) -> Mask:
     """Samples, (samples, sensors), around which the model does not explain what was measured.
 
@@ -124,7 +129,7 @@ def unexplained_samples(
     return surprised & (nearby(rest) > UNEXPLAINED**2 * usual * count)
 
 
-def _means(data: Measured, used: Array) -> Array:
+def _means(data: Observations, used: Array) -> Array:
     return np.sum(used * data.signals, axis=0) / np.maximum(used.sum(axis=0), 1.0)
 
 
@@ -160,7 +165,7 @@ def _below(vehicle: Vehicle, part: str) -> set[str]:
     return found
 
 
-def _prior_spread(spectrum: Spectrum, ride: Ride, band: Band) -> float:
+def _prior_spread(spectrum: Spectrum, ride: DiscretisedRun, band: Band) -> float:
     """Standard deviation of the prior in a band, m."""
     process = markov(spectrum, ride.spacing)
     omega = np.linspace(2 * np.pi / band.longest, 2 * np.pi / band.shortest, 400)

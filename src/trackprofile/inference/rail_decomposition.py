@@ -18,15 +18,15 @@ from scipy.signal import csd
 from trackprofile.bands import D2
 from trackprofile.contracts import Quality, Rail, RailLevel
 from trackprofile.errors import DataError
-from trackprofile.inference.blocks import Piece
-from trackprofile.inference.observations import Measured
+from trackprofile.inference.blocks import BlockResult
+from trackprofile.inference.observations import Observations
 from trackprofile.models.roll import (
-    Half,
-    Pair,
+    RailMode,
     RollingVehicle,
-    halves_of,
-    pairs_of,
+    SensorPair,
+    rail_modes,
     roll_unknowns,
+    sensor_pairs,
     shared_noise,
 )
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor, Uncertainty
@@ -50,7 +50,7 @@ PIECE = 256
 
 
 @dataclass(frozen=True)
-class ByRail:
+class RailDecomposition:
     """A recording, taken apart.
 
     Parameters
@@ -61,10 +61,10 @@ class ByRail:
     shared : correlation of the noise of mean and difference, of the pair where it is greatest
     """
 
-    recorded: Measured
-    mean: Measured
-    difference: Measured | None
-    halves: tuple[Half, Half]
+    recorded: Observations
+    mean: Observations
+    difference: Observations | None
+    halves: tuple[RailMode, RailMode]
     shared: float = 0.0
 
     def of_sensors(self, mean: Array, difference: Array | None) -> dict[str, Array]:
@@ -85,9 +85,9 @@ class ByRail:
         return found
 
 
-def by_rail(
-    data: Measured, vehicle: Vehicle, track: PointTrack, installation: Installation
-) -> ByRail:
+def decompose_rails(
+    data: Observations, vehicle: Vehicle, track: PointTrack, installation: Installation
+) -> RailDecomposition:
     """Take a recording apart into what the mean of both rails makes, and what their difference does.
 
     Raises
@@ -96,10 +96,10 @@ def by_rail(
         Where nothing but roll was measured, or the two of a pair contradict each other.
     """
     pairs, sides = _sides(data, installation)
-    mean, difference = halves_of(sides, pairs, vehicle.contact_spacing)
+    mean, difference = rail_modes(sides, pairs, vehicle.contact_spacing)
     of_mean = _of_mean(data, pairs, mean)
     if not difference.sensors:
-        return ByRail(data, of_mean, None, (mean, difference))
+        return RailDecomposition(data, of_mean, None, (mean, difference))
     unknown = roll_unknowns(vehicle, track)
     if unknown:
         wheels = {one.name for one in vehicle.wheels if isinstance(track, RigidTrack)}
@@ -107,13 +107,15 @@ def by_rail(
         said = _unknown(unknown, vehicle, told=bool(difference.sensors))
         of_mean = replace(of_mean, notes=(*of_mean.notes, said))
     if not difference.sensors:
-        return ByRail(data, of_mean, None, (mean, difference))
+        return RailDecomposition(data, of_mean, None, (mean, difference))
     of_both = replace(_combined(data, difference), faults=(), notes=())
     shared = max((abs(shared_noise(sides[p.left], sides[p.right], p)) for p in pairs), default=0.0)
-    return ByRail(data, of_mean, of_both, (mean, difference), shared)
+    return RailDecomposition(data, of_mean, of_both, (mean, difference), shared)
 
 
-def mean_alone(data: Measured, vehicle: Vehicle, installation: Installation) -> Measured:
+def mean_observations(
+    data: Observations, vehicle: Vehicle, installation: Installation
+) -> Observations:
     """What of a recording the mean of both rails makes; the recording itself where no sensor stands to one side.
 
     Raises
@@ -122,12 +124,12 @@ def mean_alone(data: Measured, vehicle: Vehicle, installation: Installation) -> 
         As of :func:`by_rail`.
     """
     pairs, sides = _sides(data, installation)
-    return _of_mean(data, pairs, halves_of(sides, pairs, vehicle.contact_spacing)[0])
+    return _of_mean(data, pairs, rail_modes(sides, pairs, vehicle.contact_spacing)[0])
 
 
-def _sides(data: Measured, installation: Installation) -> tuple[list[Pair], list[Sensor]]:
+def _sides(data: Observations, installation: Installation) -> tuple[list[SensorPair], list[Sensor]]:
     """The pairs of a recording, and its sensors, those of a pair as one of two sides."""
-    pairs = [pair for pair in pairs_of(data.sensors) if _together(data, pair) >= TOGETHER]
+    pairs = [pair for pair in sensor_pairs(data.sensors) if _together(data, pair) >= TOGETHER]
     for pair in pairs:
         _check_signs(data, pair)
     both = {number for pair in pairs for number in (pair.left, pair.right)}
@@ -137,7 +139,7 @@ def _sides(data: Measured, installation: Installation) -> tuple[list[Pair], list
     ]
 
 
-def _of_mean(data: Measured, pairs: list[Pair], half: Half) -> Measured:
+def _of_mean(data: Observations, pairs: list[SensorPair], half: RailMode) -> Observations:
     if not half.sensors:
         raise DataError(
             "Only roll was measured, which tells the difference of both rails and not their mean; add a vertical "
@@ -151,8 +153,8 @@ def _of_mean(data: Measured, pairs: list[Pair], half: Half) -> Measured:
     return replace(changed, notes=notes)
 
 
-def of_difference(
-    installation: Installation, vehicle: Vehicle, car: RollingVehicle, data: Measured
+def difference_installation(
+    installation: Installation, vehicle: Vehicle, car: RollingVehicle, data: Observations
 ) -> Installation:
     """What of a calibration holds of the difference: where the train is, and what roll feels of the vehicle."""
     first = car.bodies[0].name if car.bodies else None
@@ -174,7 +176,9 @@ def of_difference(
     )
 
 
-def levels_of(mean: Piece, difference: Piece, shared: float) -> Mapping[Rail, RailLevel]:
+def rail_levels(
+    mean: BlockResult, difference: BlockResult, shared: float
+) -> Mapping[Rail, RailLevel]:
     """Elevation and uncertainty of left, right and difference: var r = var m + var c / 4 + |ρ| √(var m · var c).
 
     ρ is the correlation of the noise of mean and difference; 1 where faulty samples were weighted down, which may
@@ -199,21 +203,21 @@ def levels_of(mean: Piece, difference: Piece, shared: float) -> Mapping[Rail, Ra
     }
 
 
-def _together(data: Measured, pair: Pair) -> float:
+def _together(data: Observations, pair: SensorPair) -> float:
     """Share of the samples of either side at which both are good."""
     left, right = data.valid[:, pair.left], data.valid[:, pair.right]
     return float(np.count_nonzero(left & right) / max(np.count_nonzero(left | right), 1))
 
 
-def _always(data: Measured, pair: Pair) -> bool:
+def _always(data: Observations, pair: SensorPair) -> bool:
     return bool(np.array_equal(data.valid[:, pair.left], data.valid[:, pair.right]))
 
 
-def _names(data: Measured, pair: Pair) -> str:
+def _names(data: Observations, pair: SensorPair) -> str:
     return f"{data.sensors[pair.left].name!r} and {data.sensors[pair.right].name!r}"
 
 
-def _left_out(data: Measured, pair: Pair) -> str:
+def _left_out(data: Observations, pair: SensorPair) -> str:
     lonely = data.valid[:, pair.left] != data.valid[:, pair.right]
     at = data.motion.distance[lonely]
     return (
@@ -222,7 +226,7 @@ def _left_out(data: Measured, pair: Pair) -> str:
     )
 
 
-def _alone(data: Measured, pairs: list[Pair]) -> list[str]:
+def _alone(data: Observations, pairs: list[SensorPair]) -> list[str]:
     """Sentences on accelerometers to one side that have no partner."""
     paired = {number for pair in pairs for number in (pair.left, pair.right)}
     return [
@@ -242,7 +246,7 @@ def _unknown(unknown: tuple[str, ...], vehicle: Vehicle, *, told: bool) -> str:
     return f"{what}: vehicle {vehicle.name!r} does not state {named}"
 
 
-def _check_signs(data: Measured, pair: Pair) -> None:
+def _check_signs(data: Observations, pair: SensorPair) -> None:
     """Refuse two that feel long waves, in which both rails go up and down together, in opposite directions."""
     good = data.valid[:, pair.left] & data.valid[:, pair.right]
     metre = np.floor(data.motion.distance[good]).astype(np.intp)
@@ -293,7 +297,7 @@ def _one_side(sensor: Sensor) -> Sensor:
     )
 
 
-def _combined(data: Measured, half: Half) -> Measured:
+def _combined(data: Observations, half: RailMode) -> Observations:
     """The readings of one half's sensors, good where all that they are made of are."""
     used = half.weights != 0.0
     valid = ~(~data.valid @ used)

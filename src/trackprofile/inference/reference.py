@@ -11,10 +11,10 @@ from scipy.linalg import solve_banded
 
 from trackprofile.bands import D1, band_pass, resample
 from trackprofile.errors import DataError
-from trackprofile.inference.observations import KNOT_SPACING, USUAL, Measured
+from trackprofile.inference.observations import DEFAULT_SPECTRUM, KNOT_SPACING, Observations
 from trackprofile.kalman import simulation_kernels as forward_kernels
-from trackprofile.kalman.smoother import Start
-from trackprofile.kalman.time_steps import Ride
+from trackprofile.kalman.smoother import InitialState
+from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.kalman.transition_kernels import COLUMNS
 from trackprofile.models.spectrum import Spectrum, scaled
 from trackprofile.models.vehicle import Vehicle
@@ -57,7 +57,7 @@ class KnownProfile:
             _of_that_level(at_knots),
         )
 
-    def covered(self, data: Measured, vehicle: Vehicle, origin: float) -> Measured:
+    def covered(self, data: Observations, vehicle: Vehicle, origin: float) -> Observations:
         """The part of a recording whose wheels run on the reference, wherever the origin is searched."""
         at = data.motion.distance + origin
         low = self.begin + vehicle.length + SEARCHED_ORIGINS + 1.0
@@ -70,7 +70,7 @@ class KnownProfile:
             )
         return data.part(inside)
 
-    def response(self, ride: Ride, start: Start) -> Array:
+    def response(self, ride: DiscretisedRun, start: InitialState) -> Array:
         """The signals (rows, 1) of a ride over the reference, from standing on it quasi-statically."""
         places = (ride.bases[:, :, None] + np.arange(COLUMNS) - self.first).reshape(
             len(ride.bases), -1
@@ -98,8 +98,8 @@ class KnownProfile:
 def _of_that_level(elevation: Array) -> Spectrum:
     """The usual spectrum, scaled to the variance in D1 of an elevation at the knots."""
     variance = float(np.var(band_pass(elevation, KNOT_SPACING, D1)))
-    usual = USUAL.standard_deviation(D1.shortest, D1.longest)
-    return scaled(USUAL, variance / usual**2)
+    usual = DEFAULT_SPECTRUM.standard_deviation(D1.shortest, D1.longest)
+    return scaled(DEFAULT_SPECTRUM, variance / usual**2)
 
 
 def _spline_through(values: Array) -> Array:

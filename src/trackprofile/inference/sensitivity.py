@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import (
-    Measured,
     Model,
+    Observations,
     prepared_filter,
     ride_of,
     row_signals,
@@ -18,9 +18,9 @@ from trackprofile.inference.observations import (
 )
 from trackprofile.inference.parameters import (
     calibrated_parameters,
-    changed,
-    chosen,
+    select_parameters,
     values_of,
+    with_values,
 )
 from trackprofile.kalman.smoother import smooth
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
@@ -28,8 +28,8 @@ from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 Array = NDArray[np.float64]
 
 
-def by_the_vehicle(
-    data: Measured, model: Model, installation: Installation, place: Array, elevation: Array,
+def vehicle_sensitivity(
+    data: Observations, model: Model, installation: Installation, place: Array, elevation: Array,
     progress: Progress,
 ) -> Array:  # fmt: skip
     """How the profile moves with the calibration's parameters, in independent directions of one standard deviation.
@@ -54,7 +54,7 @@ def by_the_vehicle(
     if sure is None:
         return np.zeros((len(place), 0))
     names = [_here(name, installation.sensors, data.sensors) for name in sure.names]
-    parameters = chosen(calibrated_parameters(model), [name for name in names if name])
+    parameters = select_parameters(calibrated_parameters(model), [name for name in names if name])
     order = [names.index(one.name) for one in parameters]
     covariance = np.asarray(sure.covariance, np.float64)[np.ix_(order, order)]
     values, directions = np.linalg.eigh(covariance)
@@ -62,12 +62,12 @@ def by_the_vehicle(
     columns = []
     for k, step in enumerate((directions * np.sqrt(np.maximum(values, 0.0))).T):
         progress("carrying over the vehicle's uncertainty", k / len(values))
-        moved = _profile(data, changed(model, parameters, centre + step), place)
+        moved = _profile(data, with_values(model, parameters, centre + step), place)
         columns.append(moved - elevation)
     return np.stack(columns, axis=1)
 
 
-def with_gains(sure: Uncertainty | None, data: Measured) -> Uncertainty:
+def with_gain_uncertainty(sure: Uncertainty | None, data: Observations) -> Uncertainty:
     """The uncertainty with that of gains that the recording itself makes uncertain."""
     doubts = {
         f"gain of {sensor.name}": doubt**2
@@ -92,7 +92,7 @@ def _here(name: str, calibrated: Sequence[Sensor], recorded: Sequence[Sensor]) -
     return name
 
 
-def _profile(data: Measured, model: Model, place: Array) -> Array:
+def _profile(data: Observations, model: Model, place: Array) -> Array:
     """The profile under that model, (knots,) at ``place``."""
     system, ride = ride_of(data, model)
     prepared = prepared_filter(data, model, ride, start_of(data, model, system, ride))

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from trackprofile.errors import ModelError
-from trackprofile.inference.observations import Measured, Model, moved
+from trackprofile.inference.observations import Model, Observations, leading_wheel_motion
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.track import LayeredTrack, Track
 from trackprofile.simulation.drive import Followed
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, felt, simulate
 
 Array = NDArray[np.float64]
 
@@ -23,8 +23,8 @@ RUN_IN = 100.0
 """m before the recording, on which both models settle."""
 
 
-def beyond_reduced(
-    data: Measured, model: Model, track: Track, place: Array, elevation: Array
+def full_track_residual(
+    data: Observations, model: Model, track: Track, place: Array, elevation: Array
 ) -> Array:
     """Full minus reduced model, at each sample and sensor, (n, sensors).
 
@@ -46,10 +46,10 @@ def beyond_reduced(
         raise ModelError(
             "Only a layered track can be corrected for; choose one, or ask for no correction."
         )
-    along = moved(data, model)
+    along = leading_wheel_motion(data, model)
     profile = _extended(place, elevation, along.distance, model.vehicle.length)
     drive = Followed(along.time, along.distance, along.speed, RUN_IN)
-    run = Run(float(along.distance[0]), float(along.distance[-1]), drive, run_in=RUN_IN)
+    run = RunSettings(float(along.distance[0]), float(along.distance[-1]), drive, run_in=RUN_IN)
     read = []
     for on in (track, model.track):
         made = simulate(model.vehicle, on, profile, run, newmark(STEP))

@@ -12,12 +12,12 @@ import numpy as np
 
 from trackprofile.errors import DataError, FileError, RowError
 from trackprofile.io.table import SUFFIXES, column_names, read_columns
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 
 POST, NORTH, EAST = "kilometre", "latitude_deg", "longitude_deg"
 
 
-def read_way(path: str | Path) -> Way:
+def read_chainage(path: str | Path) -> ChainageTable:
     """The way in a table.
 
     Raises
@@ -49,7 +49,7 @@ def read_way(path: str | Path) -> Way:
         points = np.isfinite(table[NORTH]) & np.isfinite(table[EAST])
     columns = {name: table.get(name, np.empty(0)) for name in (POST, NORTH, EAST)}
     try:
-        return Way(
+        return ChainageTable(
             distance[posts],
             columns[POST][posts[: columns[POST].size]],
             distance[points],

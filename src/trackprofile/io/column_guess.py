@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import UnitError
-from trackprofile.io.column_info import Heading
+from trackprofile.io.column_info import ColumnInfo
 from trackprofile.units import FACTORS, unit_factor
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ class Guess:
     lateral: float = 0.0
 
 
-def guess(heading: Heading, values: Array) -> Guess:
+def guess(heading: ColumnInfo, values: Array) -> Guess:
     """What a column, with its values (n,), probably is.
 
     Examples

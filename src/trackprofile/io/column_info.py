@@ -22,7 +22,7 @@ MOST_PACKED = 1000
 
 
 @dataclass(frozen=True)
-class Heading:
+class ColumnInfo:
     """A column of a table, or a channel of a logger's file.
 
     Parameters
@@ -41,7 +41,7 @@ class Heading:
     form: str = ""
 
 
-def unique(headings: Sequence[Heading], groups: Sequence[str]) -> tuple[Heading, ...]:
+def unique(headings: Sequence[ColumnInfo], groups: Sequence[str]) -> tuple[ColumnInfo, ...]:
     """Headings with the group before each name that another group has too.
 
     Examples

@@ -11,18 +11,18 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 
 from trackprofile.errors import DataError, RowError
-from trackprofile.io.column_info import Column, Heading
+from trackprofile.io.column_info import Column, ColumnInfo
 from trackprofile.io.csv_dialect import MISSING, Dialect, find_dialect, is_number, no_table
 from trackprofile.io.timestamps import form_of
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 
 
-def headings(path: Path) -> tuple[Heading, ...]:
+def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The columns of a table."""
     dialect = _dialect(path)
     return tuple(
-        Heading(name, unit, form="" if is_number(first, dialect.decimal) else form_of(first))
+        ColumnInfo(name, unit, form="" if is_number(first, dialect.decimal) else form_of(first))
         for name, unit, first in zip(dialect.names, dialect.units, dialect.first, strict=True)
     )
 

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from trackprofile.errors import FileError
-from trackprofile.io.column_info import Column, Heading, as_numbers, check_size
+from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size
 from trackprofile.io.subprocess_reader import columns_apart, headings_apart
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".nc")
@@ -19,7 +19,7 @@ _UNITS = ("units", "unit", "Units", "Unit")
 _DEEPEST = 8
 
 
-def headings(path: Path) -> tuple[Heading, ...]:
+def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The rows of numbers in a file, by their path in it; groups and matrices are passed over."""
     return headings_apart(path, __name__)
 
@@ -43,11 +43,11 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
                 file[name].attrs["units"] = units[name]
 
 
-def headings_here(path: Path) -> tuple[Heading, ...]:
+def headings_here(path: Path) -> tuple[ColumnInfo, ...]:
     """The same in this process."""
     with opened(path) as file:
         return tuple(
-            Heading(name, _unit(one), int(one.size or 0), _clock(file, one))
+            ColumnInfo(name, _unit(one), int(one.size or 0), _clock(file, one))
             for name, one in _rows(file)
         )
 

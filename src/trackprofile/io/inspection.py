@@ -16,7 +16,7 @@ from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.column_guess import SENSORS, STEADY, Guess, Role, guess
-from trackprofile.io.column_info import Heading
+from trackprofile.io.column_info import ColumnInfo
 from trackprofile.io.recording_columns import recording_of
 from trackprofile.io.recording_document import Document
 from trackprofile.io.table import headings, read_columns
@@ -35,7 +35,7 @@ class Content:
     ``greatest`` in its own unit, NaN where it holds texts; ``falls`` whether it goes down as often as a count does not.
     """
 
-    heading: Heading
+    heading: ColumnInfo
     guess: Guess
     rows: int
     missing: int
@@ -97,7 +97,7 @@ def write_toml(inspection: Inspection, path: str | Path) -> Path:
     return path
 
 
-def _values(path: Path, found: Sequence[Heading]) -> dict[str, Array]:
+def _values(path: Path, found: Sequence[ColumnInfo]) -> dict[str, Array]:
     """All columns of numbers, and times that are texts, in their own units; no values of other texts."""
     names = [one.name for one in found]
     once = [one for one in found if names.count(one.name) == 1]
@@ -109,7 +109,7 @@ def _values(path: Path, found: Sequence[Heading]) -> dict[str, Array]:
     return {one.name: values.get(one.name, np.empty(0)) for one in found}
 
 
-def _content(path: Path, heading: Heading, values: Mapping[str, Array], clock: str) -> Content:
+def _content(path: Path, heading: ColumnInfo, values: Mapping[str, Array], clock: str) -> Content:
     own, by = values[heading.name], heading.clock or clock
     known = own[np.isfinite(own)]
     least, mean, greatest = np.nan, np.nan, np.nan

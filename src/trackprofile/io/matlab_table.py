@@ -16,7 +16,7 @@ from scipy.io.matlab import MatReadError
 
 from trackprofile.errors import DataError, FileError
 from trackprofile.io import hdf5_table
-from trackprofile.io.column_info import Column, Heading, as_numbers, check_size
+from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size
 from trackprofile.io.subprocess_reader import columns_apart, headings_apart
 
 SUFFIXES = (".mat",)
@@ -38,7 +38,7 @@ LONGEST_NAME = 31
 """Characters of a variable's name in version 5."""
 
 
-def headings(path: Path) -> tuple[Heading, ...]:
+def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The rows of numbers in a file; structures and cells are passed over."""
     return headings_apart(path, __name__)
 
@@ -53,7 +53,7 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     return columns_apart(path, __name__, names)
 
 
-def headings_here(path: Path) -> tuple[Heading, ...]:
+def headings_here(path: Path) -> tuple[ColumnInfo, ...]:
     """The same in this process."""
     if _is_hdf5(path):
         return hdf5_table.headings_here(path)
@@ -62,7 +62,7 @@ def headings_here(path: Path) -> tuple[Heading, ...]:
     except _DAMAGED as error:
         raise _no_table(path) from error
     return tuple(
-        Heading(name, rows=int(np.prod(shape, dtype=float)))
+        ColumnInfo(name, rows=int(np.prod(shape, dtype=float)))
         for name, shape, kind in found
         if kind in _NUMERIC and sum(length != 1 for length in shape) == 1
     )

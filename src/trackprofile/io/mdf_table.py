@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.column_info import Column, Heading, as_numbers, check_size, unique
+from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size, unique
 from trackprofile.io.subprocess_reader import columns_apart, headings_apart
 
 SUFFIXES = (".mf4", ".mdf", ".dl3")
@@ -23,7 +23,7 @@ _LINES = {None, 0, 1, 65535}
 """Conversion types that are none or a line, in both versions; in version 3 a line is 0, in version 4 it is 1."""
 
 
-def headings(path: Path) -> tuple[Heading, ...]:
+def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The channels of a file, each with its group's clock."""
     return headings_apart(path, __name__)
 
@@ -54,7 +54,7 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
         file.save(path, overwrite=True)
 
 
-def headings_here(path: Path) -> tuple[Heading, ...]:
+def headings_here(path: Path) -> tuple[ColumnInfo, ...]:
     """The same in this process."""
     with _opened(path) as file:
         return tuple(heading for heading, _ in _channels(file))
@@ -101,7 +101,7 @@ def _ended(self: Any) -> None:
         scratch.close()
 
 
-def _channels(file: Any) -> list[tuple[Heading, tuple[int, int]]]:
+def _channels(file: Any) -> list[tuple[ColumnInfo, tuple[int, int]]]:
     """All channels, with their group and number."""
     found, groups, places = [], [], []
     for g, group in enumerate(file.groups):
@@ -110,7 +110,7 @@ def _channels(file: Any) -> list[tuple[Heading, tuple[int, int]]]:
         for c, channel in enumerate(group.channels):
             rows = int(group.channel_group.cycles_nr)
             found.append(
-                Heading(channel.name, channel.unit or "", rows, "" if c == master else clock)
+                ColumnInfo(channel.name, channel.unit or "", rows, "" if c == master else clock)
             )
             groups.append(str(g))
             places.append((g, c))

@@ -45,7 +45,7 @@ class Sourced(Strict):
         return self.source if self.verified else f"{self.source} (not verified)".strip()
 
 
-class Quantity(Strict):
+class QuantityTable(Strict):
     value: float
     unit: str
 
@@ -53,12 +53,12 @@ class Quantity(Strict):
         return self.value * unit_factor(self.unit, dimension)
 
 
-class Parameter(Quantity, Sourced):
+class ParameterTable(QuantityTable, Sourced):
     spread: PositiveFloat = 0.5
     standard_error: NonNegativeFloat | None = None
 
 
-class Body(Strict):
+class BodyTable(Strict):
     name: str
     mass: Number
     pitch_inertia: Number | None = None
@@ -66,14 +66,14 @@ class Body(Strict):
     roll_inertia: Number | None = None
 
 
-class Wheel(Strict):
+class WheelTable(Strict):
     name: str
     mass: Number
     position: Number
     roll_inertia: Number | None = None
 
 
-class Link(Strict):
+class LinkTable(Strict):
     name: str
     upper: str
     lower: str
@@ -84,7 +84,7 @@ class Link(Strict):
     roll_stiffness: Number = 0.0
 
 
-class Sensor(Strict):
+class SensorTable(Strict):
     name: str
     quantity: Literal["vertical acceleration", "pitch rate", "roll rate"]
     body: str
@@ -105,14 +105,14 @@ class Sensor(Strict):
 
     def si(self) -> sensor.Sensor:
         factor = self.factor
-        fields = self.model_dump(include=Sensor.model_fields.keys() - {"unit"})
+        fields = self.model_dump(include=SensorTable.model_fields.keys() - {"unit"})
         for field in ("noise_density", "offset", "drift", "flicker"):
             if fields[field] is not None:
                 fields[field] *= factor
         return sensor.Sensor(**fields)
 
 
-class Instrument(Sensor):
+class InstrumentTable(SensorTable):
     resolution: NonNegativeFloat = 0.0
     range: PositiveFloat | None = None
     misalignment_deg: float = 0.0
@@ -129,16 +129,16 @@ class Instrument(Sensor):
         )
 
 
-class Residual(Strict):
+class ResidualTable(Strict):
     share: NonNegativeFloat
     frequency: PositiveFloat
     damping: PositiveFloat = 0.5
 
 
-class Installed(Sensor):
+class Installed(SensorTable):
     gain: float = 1.0
     tilt_rad: float = 0.0
-    residual: Residual | None = None
+    residual: ResidualTable | None = None
 
     def installed(self) -> sensor.Sensor:
         """As a calibration found it on the vehicle."""
@@ -146,12 +146,12 @@ class Installed(Sensor):
         return replace(self.si(), gain=self.gain, tilt=self.tilt_rad, residual=left)
 
 
-class Uncertainty(Strict):
+class UncertaintyTable(Strict):
     names: list[str]
     covariance: list[list[float]]
 
     @model_validator(mode="after")
-    def square(self) -> Uncertainty:
+    def square(self) -> UncertaintyTable:
         size = len(self.names)
         if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
             raise PydanticCustomError("square", "expected a row and a column for each of the names")
@@ -161,12 +161,12 @@ class Uncertainty(Strict):
         return sensor.Uncertainty(tuple(self.names), tuple(map(tuple, self.covariance)))
 
 
-class Installation(Strict):
+class InstallationTable(Strict):
     origin: float = 0.0
     unmodelled: NonNegativeFloat | None = None
     distance_scale: PositiveFloat = 1.0
     sensor: list[Installed] = Field(default_factory=list)
-    uncertainty: Uncertainty | None = None
+    uncertainty: UncertaintyTable | None = None
 
     def si(self) -> sensor.Installation:
         return sensor.Installation(
@@ -178,22 +178,22 @@ class Installation(Strict):
         )
 
 
-class Vehicle(Sourced):
+class VehicleTable(Sourced):
     name: str
     contact_spacing: PositiveFloat = 1.5
-    parameter: dict[str, Parameter] = Field(default_factory=dict)
-    body: list[Body]
-    wheel: list[Wheel]
-    link: list[Link]
-    installation: Installation = Field(default_factory=Installation)
+    parameter: dict[str, ParameterTable] = Field(default_factory=dict)
+    body: list[BodyTable]
+    wheel: list[WheelTable]
+    link: list[LinkTable]
+    installation: InstallationTable = Field(default_factory=InstallationTable)
     calibration: dict[str, Any] = Field(default_factory=dict)
 
 
 class Track(Sourced):
     name: str
-    stiffness: Quantity
-    damping: Quantity
-    mass: Quantity | None = None
+    stiffness: QuantityTable
+    damping: QuantityTable
+    mass: QuantityTable | None = None
 
     def si(self) -> track.ElasticTrack:
         """As the simulation and the smoother take it."""
@@ -209,20 +209,20 @@ class AnyTrack(BaseModel):
     rail: object | None = None
 
 
-class Rail(Strict):
-    bending_stiffness: Quantity
-    mass: Quantity
+class RailTable(Strict):
+    bending_stiffness: QuantityTable
+    mass: QuantityTable
 
 
-class Support(Strict):
-    pad_stiffness: Quantity
-    pad_damping: Quantity
-    sleeper_mass: Quantity
-    ballast_stiffness: Quantity
-    ballast_damping: Quantity
-    ballast_mass: Quantity
-    subballast_stiffness: Quantity
-    subballast_damping: Quantity
+class SupportTable(Strict):
+    pad_stiffness: QuantityTable
+    pad_damping: QuantityTable
+    sleeper_mass: QuantityTable
+    ballast_stiffness: QuantityTable
+    ballast_damping: QuantityTable
+    ballast_mass: QuantityTable
+    subballast_stiffness: QuantityTable
+    subballast_damping: QuantityTable
 
     def si(self) -> track.Support:
         """As the simulation takes it."""
@@ -231,23 +231,23 @@ class Support(Strict):
         )
 
 
-class Change(Strict):
+class TrackChangeTable(Strict):
     field: str
     factor: float
-    start: Quantity
-    end: Quantity
+    start: QuantityTable
+    end: QuantityTable
 
     def si(self) -> track.Change:
         """As the simulation takes it."""
         return track.Change(self.field, self.factor, self.start.si("length"), self.end.si("length"))
 
 
-class LayeredTrack(Sourced):
+class LayeredTrackTable(Sourced):
     name: str
-    spacing: Quantity
-    rail: Rail
-    support: Support
-    change: list[Change] = Field(default_factory=list)
+    spacing: QuantityTable
+    rail: RailTable
+    support: SupportTable
+    change: list[TrackChangeTable] = Field(default_factory=list)
 
     def si(self) -> track.LayeredTrack:
         """As the simulation takes it."""
@@ -262,11 +262,11 @@ class LayeredTrack(Sourced):
         )
 
 
-class Spectrum(Sourced):
+class SpectrumTable(Sourced):
     name: str
-    amplitude: Quantity
-    lower: Quantity
-    upper: Quantity
+    amplitude: QuantityTable
+    lower: QuantityTable
+    upper: QuantityTable
 
 
 class SpatialFrequency(Strict):
@@ -279,7 +279,7 @@ class SpatialFrequency(Strict):
         return self.value * (1.0 if self.unit == "rad/m" else 2 * math.pi)
 
 
-class Density(Strict):
+class DensityTable(Strict):
     value: PositiveFloat
     unit: Literal["m²/(rad/m)", "cm²/(rad/m)", "m²/(1/m)", "mm²/(1/m)"]
 
@@ -297,19 +297,19 @@ class Knee(Strict):
     sharpness: PositiveFloat
 
 
-class Piece(Strict):
-    density: Density
+class SpectrumSegmentTable(Strict):
+    density: DensityTable
     at: SpatialFrequency
     slope: float
     upper: SpatialFrequency | None = None
     knee: Knee | None = None
 
 
-class PowerLaw(Sourced):
+class PowerLawTable(Sourced):
     name: str
-    shortest: Quantity
-    longest: Quantity
-    piece: list[Piece] = Field(min_length=1)
+    shortest: QuantityTable
+    longest: QuantityTable
+    piece: list[SpectrumSegmentTable] = Field(min_length=1)
 
 
 class AnySpectrum(BaseModel):
@@ -320,4 +320,4 @@ class AnySpectrum(BaseModel):
 
 class Sensors(Sourced):
     name: str = ""
-    sensor: list[Instrument] = Field(min_length=1)
+    sensor: list[InstrumentTable] = Field(min_length=1)

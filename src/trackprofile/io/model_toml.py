@@ -49,12 +49,19 @@ from trackprofile.io.table import located
 from trackprofile.io.toml_document import document, load
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.sensor_errors import Instrument
-from trackprofile.models.spectrum import Piece, PowerLaw, Roughness, Spectrum, rational
+from trackprofile.models.spectrum import PowerLaw, Roughness, Spectrum, SpectrumSegment, rational
 from trackprofile.models.track import RigidTrack, Track
-from trackprofile.models.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
+from trackprofile.models.vehicle import (
+    Body,
+    Link,
+    Vehicle,
+    VehicleParameter,
+    Wheel,
+    parameter_values,
+)
 from trackprofile.units import si_unit
 
-_Part = tables.Body | tables.Link | tables.Wheel
+_Part = tables.BodyTable | tables.LinkTable | tables.WheelTable
 
 Kind = Literal["vehicle", "track", "spectrum", "sensors"]
 
@@ -104,7 +111,7 @@ def read_vehicle(name_or_path: str | Path) -> tuple[Vehicle, Installation]:
     512.5
     """
     path = _find(name_or_path, "vehicle")
-    read = load(path, tables.Vehicle)
+    read = load(path, tables.VehicleTable)
     with _located(path):
         return _vehicle(read), read.installation.si()
 
@@ -146,7 +153,7 @@ def check_vehicle_place(path: str | Path) -> None:
     check_places(path)
     if path.exists():
         try:
-            load(path, tables.Vehicle)
+            load(path, tables.VehicleTable)
         except FileError as error:
             message = f"{path}: it is there already and is no vehicle; choose another name."
             raise FileError(message) from error
@@ -170,7 +177,7 @@ def read_track(name_or_path: str | Path) -> Track:
         return RigidTrack()
     path = _find(name_or_path, "track")
     layered = load(path, tables.AnyTrack).rail is not None
-    read = load(path, tables.LayeredTrack if layered else tables.Track)
+    read = load(path, tables.LayeredTrackTable if layered else tables.Track)
     with _located(path):
         return read.si()
 
@@ -210,7 +217,7 @@ def read_roughness(name_or_path: str | Path) -> Roughness:
     path = _find(name_or_path, "spectrum")
     if load(path, tables.AnySpectrum).piece is not None:
         return _power_law(path)
-    read = load(path, tables.Spectrum)
+    read = load(path, tables.SpectrumTable)
     with _located(path):
         return Spectrum(
             read.name,
@@ -280,7 +287,7 @@ def _located(path: Path) -> Iterator[None]:
 
 
 def _power_law(path: Path) -> PowerLaw:
-    read = load(path, tables.PowerLaw)
+    read = load(path, tables.PowerLawTable)
     with _located(path):
         return PowerLaw(
             read.name,
@@ -291,17 +298,17 @@ def _power_law(path: Path) -> PowerLaw:
         )
 
 
-def _piece(read: tables.Piece) -> Piece:
+def _piece(read: tables.SpectrumSegmentTable) -> SpectrumSegment:
     optional: dict[str, float] = {}
     if read.upper is not None:
         optional["upper"] = read.upper.si
     if read.knee is not None:
         optional["knee"] = read.knee.at.si
         optional |= {"fall": read.knee.fall, "sharpness": read.knee.sharpness}
-    return Piece(read.density.si, read.at.si, read.slope, **optional)
+    return SpectrumSegment(read.density.si, read.at.si, read.slope, **optional)
 
 
-def _vehicle(read: tables.Vehicle) -> Vehicle:
+def _vehicle(read: tables.VehicleTable) -> Vehicle:
     parts = (*read.body, *read.link, *read.wheel)
     return Vehicle(
         read.name,
@@ -316,7 +323,7 @@ def _vehicle(read: tables.Vehicle) -> Vehicle:
     )
 
 
-def _fields(part: _Part, parameters: Mapping[str, tables.Parameter]) -> dict[str, Any]:
+def _fields(part: _Part, parameters: Mapping[str, tables.ParameterTable]) -> dict[str, Any]:
     """The fields of a part, in SI, the parameters put in."""
     fields = part.model_dump()
     for field, name in _named(part):
@@ -337,12 +344,14 @@ def _named(part: _Part) -> list[tuple[str, str]]:
     return [(field, name) for field, name in fields if isinstance(name, str)]
 
 
-def _shared(name: str, parameter: tables.Parameter, parts: Sequence[_Part]) -> Parameter:
+def _shared(
+    name: str, parameter: tables.ParameterTable, parts: Sequence[_Part]
+) -> VehicleParameter:
     used_by = [(part.name, field) for part in parts for field, used in _named(part) if used == name]
     if not used_by:
         raise ModelError(f"nothing uses the parameter {name!r}; name it in a part, or remove it")
     unit = si_unit(_DIMENSIONS[used_by[0][1]])
-    return Parameter(name, unit, tuple(used_by), parameter.said, parameter.spread)
+    return VehicleParameter(name, unit, tuple(used_by), parameter.said, parameter.spread)
 
 
 def _vehicle_table(

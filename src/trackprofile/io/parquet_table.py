@@ -9,12 +9,12 @@ import pyarrow as pa
 import pyarrow.parquet as parquet
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.column_info import Column, Heading, check_size
+from trackprofile.io.column_info import Column, ColumnInfo, check_size
 
 SUFFIXES = (".parquet",)
 
 
-def headings(path: Path) -> tuple[Heading, ...]:
+def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The columns of a table; a unit stands in the field's metadata, if anywhere."""
     try:
         with parquet.ParquetFile(path) as file:
@@ -26,7 +26,8 @@ def headings(path: Path) -> tuple[Heading, ...]:
         (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for field in schema
     ]
     return tuple(
-        Heading(name, unit, max(rows, 0)) for name, unit in zip(schema.names, stated, strict=True)
+        ColumnInfo(name, unit, max(rows, 0))
+        for name, unit in zip(schema.names, stated, strict=True)
     )
 
 

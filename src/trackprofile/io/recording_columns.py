@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackprofile.contracts import QUANTITIES, Channel, build_recording
 from trackprofile.errors import DataError
 from trackprofile.io import table
-from trackprofile.io.recording_document import Document, Quantity, Sensor
+from trackprofile.io.recording_document import ColumnReference, Document, SensorColumn
 from trackprofile.io.recording_position import (
     GOOD,
     has_places,
@@ -24,10 +24,10 @@ from trackprofile.io.recording_position import (
 )
 from trackprofile.io.timestamps import FORMS, seconds
 from trackprofile.positioning.sources import PLACED, Sources
-from trackprofile.preprocessing.clock import MENDED, mend
+from trackprofile.preprocessing.clock import MENDED, repair_clock
 from trackprofile.preprocessing.faults import ClockFault
-from trackprofile.preprocessing.motion import filled
-from trackprofile.preprocessing.resampling import Series, on_one_base
+from trackprofile.preprocessing.motion import fill_speed
+from trackprofile.preprocessing.resampling import Series, resample_to_one_clock
 from trackprofile.units import unit_factor
 
 Array = NDArray[np.float64]
@@ -47,8 +47,8 @@ class Columns:
     channels: tuple[Channel, ...]
     places: dict[str, Array]
     placed: bool
-    clock_of: Mapping[str, Quantity | None]
-    clocks: Mapping[Quantity, Array]
+    clock_of: Mapping[str, ColumnReference | None]
+    clocks: Mapping[ColumnReference, Array]
 
 
 def recording_of(explained: Path, data: Path, document: Document) -> xr.Dataset:
@@ -81,10 +81,10 @@ def _located(
 ) -> Iterator[str]:
     """Put the distance, and how well it is known, into what was found; steps of the provenance on that."""
     # Numba, which this imports, takes a third of a second; most recordings do without.
-    from trackprofile.positioning.locate import whereabouts
+    from trackprofile.positioning.locate import locate
 
     yield from (MENDED + note for note in mended)
-    where = whereabouts(sources, found["time"])
+    where = locate(sources, found["time"])
     yield from (PLACED + note for note in where.notes)
     found |= {"distance": where.distance, "speed": where.speed}
     found |= {"distance_deviation": where.deviation, "wheel_scale": where.scale}
@@ -101,9 +101,9 @@ def _read(explained: Path, data: Path, document: Document) -> Columns:
     stated = {one.name: one.clock for one in table.headings(data)}
     moves = {name: one for name in DIMENSIONS if (one := getattr(head, name)) is not None}
 
-    def clock(column: str, own: Quantity | None = None) -> Quantity | None:
+    def clock(column: str, own: ColumnReference | None = None) -> ColumnReference | None:
         by_file = stated.get(column)
-        return own or head.time or (Quantity(column=by_file, unit="s") if by_file else None)
+        return own or head.time or (ColumnReference(column=by_file, unit="s") if by_file else None)
 
     with table.located(explained):
         places = place_columns(head)
@@ -160,7 +160,7 @@ def _on_one_clock(read: Columns) -> tuple[dict[str, Any], list[str], float]:
     channels, places = read.channels, {}
     if clock is not None:
         time = read.clocks[clock]
-        mended = mend(time, motion.get("distance"), motion.get("speed"))
+        mended = repair_clock(time, motion.get("distance"), motion.get("speed"))
         notes += mended.notes
         motion = {name: values[mended.kept] for name, values in motion.items()}
         motion["time"] = mended.time
@@ -179,7 +179,7 @@ def _on_one_clock(read: Columns) -> tuple[dict[str, Any], list[str], float]:
     speed, at = motion.get("speed"), motion.get("time", motion.get("distance"))
     if speed is not None and at is not None and not np.all(np.isfinite(speed)):
         dropped = ~np.isfinite(speed)
-        motion["speed"] = filled(speed, at)
+        motion["speed"] = fill_speed(speed, at)
         notes.append(f"the speed is missing in {np.count_nonzero(dropped)} rows: filled")
         faults = (0 if faults is None else faults) + ClockFault.SPEED * dropped
     return {"channels": channels, **motion, "clock_fault": faults, "places": places}, notes, 0.0
@@ -194,7 +194,7 @@ def _on_many_clocks(read: Columns) -> tuple[dict[str, Any], list[str], float]:
         )
     notes, mended = _missing(read.channels), {}
     for clock, time in read.clocks.items():
-        mended[clock] = mend(time)
+        mended[clock] = repair_clock(time)
         notes += [f"{clock.column}: {note}" for note in mended[clock].notes]
     epoch = min(float(one.time[0]) for one in mended.values())
 
@@ -215,7 +215,7 @@ def _on_many_clocks(read: Columns) -> tuple[dict[str, Any], list[str], float]:
     }
     motion = {name: _finite(series(name, values)) for name, values in read.motion.items()}
     places = {name: series(name, values) for name, values in read.places.items()}
-    base, values, moved = on_one_base(sensors, motion)
+    base, values, moved = resample_to_one_clock(sensors, motion)
     channels = tuple(
         replace(one, values=values[one.name], valid=np.isfinite(values[one.name]))
         for one in read.channels
@@ -256,7 +256,7 @@ def _kept(channel: Channel, rows: Any) -> NDArray[np.bool_]:
     return valid[rows]
 
 
-def _channel(sensor: Sensor, factor: float, values: Mapping[str, Any]) -> Channel:
+def _channel(sensor: SensorColumn, factor: float, values: Mapping[str, Any]) -> Channel:
     signal = factor * values[sensor.column]
     return Channel(
         name=_name(sensor.column),
@@ -277,7 +277,7 @@ def _name(column: str) -> str:
     return column.replace("/", "_")  # a slash would be a group in NetCDF
 
 
-def _dimension(sensor: Sensor) -> str:
+def _dimension(sensor: SensorColumn) -> str:
     if sensor.quantity not in QUANTITIES:
         raise DataError(
             f"column {sensor.column!r}: its quantity is one of {', '.join(QUANTITIES)}, "
@@ -286,8 +286,8 @@ def _dimension(sensor: Sensor) -> str:
     return QUANTITIES[sensor.quantity][1]
 
 
-def _factor(described: Quantity | Sensor, dimension: str) -> float:
+def _factor(described: ColumnReference | SensorColumn, dimension: str) -> float:
     with table.located(f"column {described.column!r}"):
-        if isinstance(described, Sensor):
+        if isinstance(described, SensorColumn):
             return unit_factor(described.unit, dimension)
         return place_factor(described, dimension)

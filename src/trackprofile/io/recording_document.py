@@ -10,7 +10,7 @@ from trackprofile.io import toml_document
 from trackprofile.positioning.sources import NOMINAL
 
 
-class Quantity(toml_document.Strict):
+class ColumnReference(toml_document.Strict):
     """A column and its unit."""
 
     column: str
@@ -20,15 +20,15 @@ class Quantity(toml_document.Strict):
 class Gnss(toml_document.Strict):
     """The table ``[recording.gnss]``: satellite positions; lengths in m, times in s."""
 
-    latitude: Quantity
-    longitude: Quantity
-    speed: Quantity | None = None
+    latitude: ColumnReference
+    longitude: ColumnReference
+    speed: ColumnReference | None = None
     valid: str | None = None
     deviation: PositiveFloat | None = None
     wander: NonNegativeFloat | None = None
     delay: float = 0.0
     behind: float = 0.0
-    time: Quantity | None = None
+    time: ColumnReference | None = None
 
 
 class Odometer(toml_document.Strict):
@@ -40,16 +40,16 @@ class Odometer(toml_document.Strict):
     per_revolution: PositiveFloat | None = None
     wheel_diameter: PositiveFloat | None = None
     scale_deviation: PositiveFloat = NOMINAL
-    time: Quantity | None = None
+    time: ColumnReference | None = None
 
 
-class Posts(toml_document.Strict):
+class PostColumns(toml_document.Strict):
     """The table ``[recording.posts]``: kilometre posts passed; lengths in m, times in s."""
 
     column: str
     unit: str
     data: str | None = None
-    time: Quantity | None = None
+    time: ColumnReference | None = None
     deviation: PositiveFloat = 5.0
     timing: NonNegativeFloat = 0.5
     behind: float = 0.0
@@ -59,14 +59,14 @@ class Head(toml_document.Strict):
     """The table ``[recording]``."""
 
     data: str
-    time: Quantity | None = None
-    distance: Quantity | None = None
-    speed: Quantity | None = None
-    distance_deviation: Quantity | None = None
+    time: ColumnReference | None = None
+    distance: ColumnReference | None = None
+    speed: ColumnReference | None = None
+    distance_deviation: ColumnReference | None = None
     wheel_scale: PositiveFloat | None = None
     gnss: Gnss | None = None
     odometer: Odometer | None = None
-    posts: Posts | None = None
+    posts: PostColumns | None = None
     way: str | None = None
     leading_end: Literal["first", "last"] | None = None
     line: str = ""
@@ -76,7 +76,7 @@ class Head(toml_document.Strict):
     provenance: list[str] = Field(default_factory=list)
 
 
-class Sensor(toml_document.Strict):
+class SensorColumn(toml_document.Strict):
     """One table ``[[sensor]]``."""
 
     column: str
@@ -89,11 +89,11 @@ class Sensor(toml_document.Strict):
     bandwidth: PositiveFloat | None = None
     flicker: PositiveFloat | None = None
     valid: str | None = None
-    time: Quantity | None = None
+    time: ColumnReference | None = None
 
 
 class Document(toml_document.Strict):
     """The whole."""
 
     recording: Head
-    sensor: list[Sensor] = Field(min_length=1)
+    sensor: list[SensorColumn] = Field(min_length=1)

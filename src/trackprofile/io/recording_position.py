@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from trackprofile.arrays import recorded_step
 from trackprofile.errors import DataError
 from trackprofile.io import table
-from trackprofile.io.chainage_table import read_way
-from trackprofile.io.recording_document import Head, Odometer, Quantity
-from trackprofile.io.recording_document import Posts as PostKeys
+from trackprofile.io.chainage_table import read_chainage
+from trackprofile.io.recording_document import ColumnReference, Head, Odometer
+from trackprofile.io.recording_document import PostColumns as PostKeys
 from trackprofile.io.timestamps import FORMS, seconds
 from trackprofile.positioning.sources import (
     NOMINAL,
-    Fixes,
-    Posts,
-    Rolled,
-    Shown,
+    DisplayedSpeed,
+    GnssFixes,
+    KilometrePosts,
     Sources,
+    WheelOdometry,
     unwrapped,
 )
 from trackprofile.preprocessing.resampling import Series
@@ -42,14 +42,14 @@ def has_places(head: Head) -> bool:
     return not (head.gnss is None and head.odometer is None and head.posts is None)
 
 
-def place_columns(head: Head) -> dict[str, tuple[Quantity, Quantity | None, str]]:
+def place_columns(head: Head) -> dict[str, tuple[ColumnReference, ColumnReference | None, str]]:
     """By their keys the columns that say where the train was, each with a clock of its own and its dimension.
 
     Raises
     ------
     DataError : the keys contradict each other.
     """
-    found: dict[str, tuple[Quantity, Quantity | None, str]] = {}
+    found: dict[str, tuple[ColumnReference, ColumnReference | None, str]] = {}
     if (gnss := head.gnss) is not None:
         found["gnss.latitude"] = (gnss.latitude, gnss.time, "angle")
         found["gnss.longitude"] = (gnss.longitude, gnss.time, "angle")
@@ -63,7 +63,7 @@ def place_columns(head: Head) -> dict[str, tuple[Quantity, Quantity | None, str]
     return found
 
 
-def place_factor(described: Quantity, dimension: str) -> float:
+def place_factor(described: ColumnReference, dimension: str) -> float:
     """SI value of one unit of a column, pulses aside."""
     return 1.0 if described.unit == PULSES else unit_factor(described.unit, dimension)
 
@@ -80,7 +80,7 @@ def sources(
     """
     rolled, notes = _rolled(head, columns)
     speed = columns.get("speed")
-    way = None if head.way is None else read_way(explained.parent / head.way)
+    way = None if head.way is None else read_chainage(explained.parent / head.way)
     found = Sources(
         None if head.gnss is None else _fixes(head, columns),
         rolled,
@@ -91,7 +91,7 @@ def sources(
     return found, notes
 
 
-def _fixes(head: Head, columns: Mapping[str, Series]) -> Fixes:
+def _fixes(head: Head, columns: Mapping[str, Series]) -> GnssFixes:
     assert head.gnss is not None
     latitude, longitude = columns["gnss.latitude"], columns["gnss.longitude"]
     north, east = np.degrees(latitude.values), np.degrees(longitude.values)
@@ -106,7 +106,7 @@ def _fixes(head: Head, columns: Mapping[str, Series]) -> Fixes:
             )
     speed = columns.get("gnss.speed")
     keys = head.gnss
-    return Fixes(
+    return GnssFixes(
         latitude.time,
         north,
         east,
@@ -118,14 +118,14 @@ def _fixes(head: Head, columns: Mapping[str, Series]) -> Fixes:
     )
 
 
-def _rolled(head: Head, columns: Mapping[str, Series]) -> tuple[Rolled | None, list[str]]:
+def _rolled(head: Head, columns: Mapping[str, Series]) -> tuple[WheelOdometry | None, list[str]]:
     """How far a wheel rolled, by its pulses or by the distance that it made of them."""
     if (odometer := head.odometer) is None:
         if (distance := columns.get("distance")) is None:
             return None, []
         known = np.isfinite(distance.values)
         values = distance.values[known]
-        return Rolled(distance.time[known], values, recorded_step(values), NOMINAL), []
+        return WheelOdometry(distance.time[known], values, recorded_step(values), NOMINAL), []
     counted = columns["odometer"]
     per_count = 1.0
     if odometer.unit == PULSES:
@@ -141,22 +141,26 @@ def _rolled(head: Head, columns: Mapping[str, Series]) -> tuple[Rolled | None, l
     step = per_count if odometer.unit == PULSES else recorded_step(values[known])
     again = "once" if resets == 1 else f"{resets} times"
     return (
-        Rolled(
+        WheelOdometry(
             counted.time[known], per_count * values[known], float(step), odometer.scale_deviation
         ),
         [f"the odometer was reset {again}: it goes on"] if resets else [],
     )
 
 
-def _shown(speed: Series) -> Shown:
+def _shown(speed: Series) -> DisplayedSpeed:
     known = np.isfinite(speed.values)
     values = speed.values[known]
-    return Shown(speed.time[known], values, recorded_step(values), NOMINAL)
+    return DisplayedSpeed(speed.time[known], values, recorded_step(values), NOMINAL)
 
 
-def _posts(explained: Path, keys: PostKeys, columns: Mapping[str, Series], epoch: float) -> Posts:
+def _posts(
+    explained: Path, keys: PostKeys, columns: Mapping[str, Series], epoch: float
+) -> KilometrePosts:
     found = _marked(columns["posts"]) if keys.data is None else _listed(explained, keys, epoch)
-    return Posts(found.time, found.values / 1000.0, keys.deviation, keys.timing, keys.behind)
+    return KilometrePosts(
+        found.time, found.values / 1000.0, keys.deviation, keys.timing, keys.behind
+    )
 
 
 def _marked(column: Series) -> Series:
@@ -203,5 +207,5 @@ def _check_odometer(head: Head, odometer: Odometer) -> None:
         )
 
 
-def _quantity(described: Any) -> Quantity:
-    return Quantity(column=described.column, unit=described.unit)
+def _quantity(described: Any) -> ColumnReference:
+    return ColumnReference(column=described.column, unit=described.unit)

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from trackprofile.errors import FileError, UnitError
 from trackprofile.io import read
-from trackprofile.io.model_tables import Instrument
+from trackprofile.io.model_tables import InstrumentTable
 from trackprofile.io.model_toml import read_roughness
 from trackprofile.io.toml_document import Strict
 from trackprofile.models.integrate import PAPERS_THETA
@@ -157,7 +157,7 @@ class ScenarioTable(Strict):
     vehicle: str
     track: str = "rigid"
     sensors: str | None = None
-    sensor: list[Instrument] = Field(default_factory=list)
+    sensor: list[InstrumentTable] = Field(default_factory=list)
     sampling: Frequency
     anti_alias: bool = True
     seed: NonNegativeInt = 0

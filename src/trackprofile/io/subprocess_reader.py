@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError, TrackprofileError
-from trackprofile.io.column_info import Column, Heading
+from trackprofile.io.column_info import Column, ColumnInfo
 
 PATIENCE = 15.0
 """s that a small file may take."""
@@ -49,7 +49,7 @@ class _GoneError(Exception):
     """The process apart died."""
 
 
-def headings_apart(path: Path, module: str) -> tuple[Heading, ...]:
+def headings_apart(path: Path, module: str) -> tuple[ColumnInfo, ...]:
     """What ``module``'s function ``headings_here`` says of a file.
 
     Raises
@@ -57,7 +57,7 @@ def headings_apart(path: Path, module: str) -> tuple[Heading, ...]:
     FileError, DataError : what it refuses; it died of the file, or took too long or too much memory.
     """
     answer, _ = _asked(path, module, None)
-    return tuple(Heading(**one) for one in answer["headings"])
+    return tuple(ColumnInfo(**one) for one in answer["headings"])
 
 
 def columns_apart(path: Path, module: str, names: Sequence[str]) -> dict[str, Column]:
@@ -189,7 +189,7 @@ def serve() -> None:
 def _read(
     path: Path, module: Any, names: Sequence[str] | None
 ) -> tuple[dict[str, Any], Mapping[str, Column]]:
-    headings: Callable[[Path], Sequence[Heading]]
+    headings: Callable[[Path], Sequence[ColumnInfo]]
     read: Callable[[Path, Sequence[str]], Mapping[str, Column]]
     try:
         if names is None:

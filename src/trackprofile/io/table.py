@@ -31,7 +31,7 @@ from trackprofile.io import (
     parquet_table,
     tdms_table,
 )
-from trackprofile.io.column_info import Column, Heading
+from trackprofile.io.column_info import Column, ColumnInfo
 
 _ARROW = (csv_table, parquet_table)
 _ROWS = (hdf5_table, matlab_table, mdf_table, tdms_table)
@@ -45,7 +45,7 @@ LOGGER_SUFFIXES = tuple(
 """Of all that a TOML can explain."""
 
 
-def headings(path: Path) -> tuple[Heading, ...]:
+def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The columns of a table, and what it says of them.
 
     Raises

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.column_info import Column, Heading, as_numbers, check_size, unique
+from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size, unique
 
 SUFFIXES = (".tdms",)
 
@@ -19,7 +19,7 @@ CLOCK = " (time)"
 """Ends the name of the column with the times of a channel that has a start and an interval only."""
 
 
-def headings(path: Path) -> tuple[Heading, ...]:
+def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The channels of a file, and a column of times for each that is sampled evenly."""
     with _opened(path) as file:
         return tuple(heading for heading, _ in _channels(file))
@@ -85,7 +85,7 @@ def _library(path: Path) -> Any:
     return nptdms
 
 
-def _channels(file: Any) -> list[tuple[Heading, Any]]:
+def _channels(file: Any) -> list[tuple[ColumnInfo, Any]]:
     """All channels, each after its clock."""
     found, groups, channels = [], [], []
     for group in file.groups():
@@ -94,12 +94,12 @@ def _channels(file: Any) -> list[tuple[Heading, Any]]:
             even = float(channel.properties.get("wf_increment", 0.0) or 0.0) > 0.0
             clock = channel.name + CLOCK if even else ""
             if even:
-                found.append(Heading(clock, "s", len(channel)))
-            found.append(Heading(channel.name, unit, len(channel), clock))
+                found.append(ColumnInfo(clock, "s", len(channel)))
+            found.append(ColumnInfo(channel.name, unit, len(channel), clock))
             groups += [group.name] * (1 + even)
             channels += [channel] * (1 + even)
     return list(zip(unique(found, groups), channels, strict=True))
 
 
-def _is_clock(heading: Heading) -> bool:
+def _is_clock(heading: ColumnInfo) -> bool:
     return heading.name.endswith(CLOCK)

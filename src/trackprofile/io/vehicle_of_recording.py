@@ -12,7 +12,9 @@ from trackprofile.models.sensor import Installation
 from trackprofile.models.vehicle import Vehicle
 
 
-def carrier(recording: xr.Dataset, path: Path, given: str | None) -> tuple[Vehicle, Installation]:
+def vehicle_of_recording(
+    recording: xr.Dataset, path: Path, given: str | None
+) -> tuple[Vehicle, Installation]:
     """The vehicle that was given, else the one that the recording names, beside it or a preset.
 
     Parameters

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Chain:
+class GaussMarkovChain:
     """A state of m numbers at n nodes, and what each of some rows reads of it.
 
     Parameters
@@ -39,7 +39,7 @@ class Chain:
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class ChainPosterior:
     """What all observations together say.
 
     Parameters
@@ -62,7 +62,7 @@ class Smoothed:
     log_likelihood: float
 
 
-def smooth(chain: Chain, values: Array, variance: Array) -> Smoothed:
+def smooth_chain(chain: GaussMarkovChain, values: Array, variance: Array) -> ChainPosterior:
     """The posterior of the state.
 
     Parameters
@@ -86,7 +86,7 @@ def smooth(chain: Chain, values: Array, variance: Array) -> Smoothed:
     state, covariance, u, d, score, precision = _backwards(
         means, covariances, chain.F, chain.node, chain.h, gains, innovations, variances
     )
-    return Smoothed(
+    return ChainPosterior(
         state,
         covariance,
         u / d[:, None],
@@ -97,7 +97,7 @@ def smooth(chain: Chain, values: Array, variance: Array) -> Smoothed:
     )
 
 
-def log_likelihood(chain: Chain, values: Array, variance: Array) -> float:
+def log_likelihood(chain: GaussMarkovChain, values: Array, variance: Array) -> float:
     """Of all rows (rows, signals) under noise of that variance (rows,)."""
     _, _, _, innovations, variances = _forwards(
         chain.mean, chain.covariance, chain.F, chain.Q, chain.node, chain.h, values, variance

@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.kalman.smoother import (
-    Filter,
-    Smoothed,
-    Start,
-    Variances,
-    prepare,
+    InitialState,
+    KalmanGains,
+    PosteriorVariances,
+    SmootherResult,
+    kalman_gains,
+    posterior_variances,
     smooth,
-    variances,
 )
-from trackprofile.kalman.time_steps import Ride, Walk, with_offsets
+from trackprofile.kalman.time_steps import DiscretisedRun, OffsetWalk, with_offset_variance
 from trackprofile.models.spectrum import Spectrum
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ SETTLED = 0.2
 
 
 @dataclass(frozen=True)
-class Weights:
+class NoiseWeights:
     """What is believed of each sample and offset.
 
     Parameters
@@ -103,19 +103,24 @@ class Weights:
 
 
 @dataclass(frozen=True)
-class Settled:
+class RobustResult:
     """A ride smoothed, with what was weighted down on the way, and how many rounds that took."""
 
-    prepared: Filter
-    smoothed: Smoothed
-    variances: Variances
-    weights: Weights
+    prepared: KalmanGains
+    smoothed: SmootherResult
+    variances: PosteriorVariances
+    weights: NoiseWeights
     rounds: int
 
 
-def settle(
-    ride: Ride, spectrum: Spectrum, variance: Array, start: Start, signals: Array, walk: Walk
-) -> Settled:
+def smooth_robustly(
+    ride: DiscretisedRun,
+    spectrum: Spectrum,
+    variance: Array,
+    start: InitialState,
+    signals: Array,
+    walk: OffsetWalk,
+) -> RobustResult:
     """Smooth, weigh down what disagrees, and again until nothing changes.
 
     Parameters
@@ -124,7 +129,7 @@ def settle(
     signals : (rows, 1)
     walk : of the offsets, as the ride has it
     """
-    weights = Weights(
+    weights = NoiseWeights(
         np.ones_like(variance),
         np.zeros_like(variance),
         np.zeros((len(ride.F), ride.offsets)),
@@ -134,9 +139,11 @@ def settle(
     while True:
         rounds += 1
         noise = weights.noise(variance)
-        wandering = with_offsets(ride, weights.jumps + np.outer(walk.duration, weights.drift))
-        prepared = prepare(wandering, spectrum, noise, start)
-        smoothed, judged = smooth(prepared, signals), variances(prepared)
+        wandering = with_offset_variance(
+            ride, weights.jumps + np.outer(walk.duration, weights.drift)
+        )
+        prepared = kalman_gains(wandering, spectrum, noise, start)
+        smoothed, judged = smooth(prepared, signals), posterior_variances(prepared)
         again, left = _judged(weights, ride, variance, noise, smoothed, judged)
         shown = _wandering(smoothed, judged, walk)
         if rounds > FREE_ROUNDS:
@@ -145,13 +152,14 @@ def settle(
             # Drift is judged last: as long as outliers and jumps are not told apart, they look like it.
             again = _drifting(again, np.minimum(shown, before), walk, left)
         if _same(again, weights, variance) or rounds == MOST_ROUNDS:
-            return Settled(prepared, smoothed, judged, weights, rounds)
+            return RobustResult(prepared, smoothed, judged, weights, rounds)
         weights, before = again, shown
 
 
 def _judged(
-    weights: Weights, ride: Ride, variance: Array, noise: Array, smoothed: Smoothed, judged: Variances
-) -> tuple[Weights, float]:  # fmt: skip
+    weights: NoiseWeights, ride: DiscretisedRun, variance: Array, noise: Array,
+    smoothed: SmootherResult, judged: PosteriorVariances,
+) -> tuple[NoiseWeights, float]:  # fmt: skip
     """The weights that the last round asks for, and times their variance what samples show that the model leaves."""
     error = smoothed.residual[:, 0] / (noise * judged.precision)
     open_ = np.maximum(1.0 / judged.precision - noise, 0.0)
@@ -179,13 +187,13 @@ def _judged(
     return replace(weights, louder=louder, own=own, jumps=jumps), left
 
 
-def _wandering(smoothed: Smoothed, judged: Variances, walk: Walk) -> Array:
+def _wandering(smoothed: SmootherResult, judged: PosteriorVariances, walk: OffsetWalk) -> Array:
     """What each offset's walk shows, times its variance, (sensors,)."""
     score, precision = smoothed.offset_score, judged.offset_precision
     return walk.duration @ np.square(score) / (walk.duration @ precision)
 
 
-def _drifting(weights: Weights, shown: Array, walk: Walk, left: float) -> Weights:
+def _drifting(weights: NoiseWeights, shown: Array, walk: OffsetWalk, left: float) -> NoiseWeights:
     """The weights, with the walk that each offset shows, where ``left`` is left of the samples by the model."""
     usual = walk.rate**2
     # A second jump of the same offset makes a walk more likely than chance, if the model explains the rest.
@@ -243,7 +251,7 @@ def _louder(squares: Array, open_: Array, variance: Array) -> tuple[Array, float
     return louder, usual, bar
 
 
-def _held(again: Weights, last: Weights, variance: Array) -> Weights:
+def _held(again: NoiseWeights, last: NoiseWeights, variance: Array) -> NoiseWeights:
     """The same, but no noise falls by more than half on a logarithmic scale, above that of the sensor."""
     before = last.noise(variance)
     least = np.sqrt(before * variance)
@@ -252,7 +260,7 @@ def _held(again: Weights, last: Weights, variance: Array) -> Weights:
     return replace(again, own=own, louder=np.maximum(again.louder, least / variance))
 
 
-def _same(a: Weights, b: Weights, variance: Array) -> bool:
+def _same(a: NoiseWeights, b: NoiseWeights, variance: Array) -> bool:
     change = np.abs(np.log(a.noise(variance) / b.noise(variance)))
     return bool(
         np.max(change) < SETTLED

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trackprofile.kalman import kernels as recursions
 from trackprofile.kalman import simulation_kernels as forward_kernels
-from trackprofile.kalman.time_steps import Ride
+from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.kalman.transition_kernels import COLUMNS, spline_weights
 from trackprofile.models.spectrum import MarkovProfile, Spectrum, markov
 from trackprofile.models.statespace import StateSpace, state_response
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialState:
     """The state before the first sample: the vehicle rides on the profile, and moves on top of that.
 
     x = stance · c + spread · ξ, with c from the prior and ξ standard normal.
@@ -49,7 +49,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Filter:
+class KalmanGains:
     """A ride with its gains: all of the smoother that does not depend on the data.
 
     ``variance`` (rows,) of the measurement rows, ``gains`` (rows, n + ring), ``innovation_variance``
@@ -57,10 +57,10 @@ class Filter:
     ``last_covariance`` (n + ring, n + ring).
     """
 
-    ride: Ride
+    ride: DiscretisedRun
     process: MarkovProfile
     variance: Array
-    start: Start
+    start: InitialState
     gains: Array
     innovation_variance: Array
     knot_covariance: Array
@@ -68,7 +68,7 @@ class Filter:
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class SmootherResult:
     """Posterior means of ``elevation`` (knots, signals) in m and of the noise, ``residual`` (rows, signals).
 
     ``innovation`` (rows,) is what each sample of the first signal says beyond all before it;
@@ -84,7 +84,7 @@ class Smoothed:
 
 
 @dataclass(frozen=True)
-class Variances:
+class PosteriorVariances:
     """Of the posterior's ``elevation`` (knots,), m²; and what single samples and offsets are judged by.
 
     ``precision`` (rows,) is the variance of residual / noise variance: its inverse is that of a sample about what all
@@ -96,7 +96,9 @@ class Variances:
     offset_precision: Array
 
 
-def start_of_ride(system: StateSpace, spectrum: Spectrum, ride: Ride, others: Array) -> Start:
+def initial_state(
+    system: StateSpace, spectrum: Spectrum, ride: DiscretisedRun, others: Array
+) -> InitialState:
     """The prior of the first state.
 
     The vehicle stands on its paths quasi-statically; beyond that each state has the variance of its steady
@@ -120,10 +122,12 @@ def start_of_ride(system: StateSpace, spectrum: Spectrum, ride: Ride, others: Ar
         stance[f : 2 * f] += np.outer(sag[:, i], ride.start_speed * slope)
     order = (np.arange(ride.ring) - ride.first_knot) % ride.ring
     coefficients = markov(spectrum, ride.spacing).covariance(ride.ring)[np.ix_(order, order)]
-    return Start(coefficients, stance, spread)
+    return InitialState(coefficients, stance, spread)
 
 
-def prepare(ride: Ride, spectrum: Spectrum, variance: Array, start: Start) -> Filter:
+def kalman_gains(
+    ride: DiscretisedRun, spectrum: Spectrum, variance: Array, start: InitialState
+) -> KalmanGains:
     """Run the covariances forwards: the gains for any data of this ride.
 
     ``variance`` (rows,) is that of each row's white noise, in the square of its unit.
@@ -138,15 +142,15 @@ def prepare(ride: Ride, spectrum: Spectrum, variance: Array, start: Start) -> Fi
         ride.rows, variance, ride.first_row, ride.newest,
         gains, innovation_variance, knots,
     )  # fmt: skip
-    return Filter(ride, process, variance, start, gains, innovation_variance, knots, P)
+    return KalmanGains(ride, process, variance, start, gains, innovation_variance, knots, P)
 
 
-def innovations(prepared: Filter, signals: Array) -> Array:
+def innovations(prepared: KalmanGains, signals: Array) -> Array:
     """What each sample of the signals (rows, m) says beyond all before it; (rows, m), of variance S."""
     return _forwards(prepared, signals)[0]
 
 
-def smooth(prepared: Filter, signals: Array) -> Smoothed:
+def smooth(prepared: KalmanGains, signals: Array) -> SmootherResult:
     """Posterior mean of the profile at every knot, for each of the signals (rows, m)."""
     residual, knots, last = _forwards(prepared, signals)
     innovation = residual[:, 0].copy()
@@ -160,10 +164,10 @@ def smooth(prepared: Filter, signals: Array) -> Smoothed:
         residual, knots, score,
     )  # fmt: skip
     elevation = np.concatenate([knots, _window(ride) @ last])
-    return Smoothed(elevation, residual, innovation, score, likelihood)
+    return SmootherResult(elevation, residual, innovation, score, likelihood)
 
 
-def variances(prepared: Filter) -> Variances:
+def posterior_variances(prepared: KalmanGains) -> PosteriorVariances:
     """Posterior variance of the elevation at every knot, and the precisions of what is left of samples and offsets."""
     ride, process = prepared.ride, prepared.process
     knots, precision = np.empty(len(ride.F)), np.empty(len(ride.rows))
@@ -175,11 +179,11 @@ def variances(prepared: Filter) -> Variances:
     )  # fmt: skip
     window = _window(ride)
     last = np.einsum("ki,ij,kj->k", window, prepared.last_covariance, window)
-    return Variances(np.concatenate([knots, last]), precision, offsets)
+    return PosteriorVariances(np.concatenate([knots, last]), precision, offsets)
 
 
 def prior_draws(
-    prepared: Filter, count: int, generator: np.random.Generator
+    prepared: KalmanGains, count: int, generator: np.random.Generator
 ) -> tuple[Array, Array]:
     """Profiles (knots, count) from the prior, and noisy signals (rows, count) of rides over them."""
     ride, process = prepared.ride, prepared.process
@@ -199,7 +203,7 @@ def prior_draws(
     return np.concatenate([knots, _window(ride) @ states]), signals
 
 
-def error_draws(prepared: Filter, count: int, generator: np.random.Generator) -> Array:
+def error_draws(prepared: KalmanGains, count: int, generator: np.random.Generator) -> Array:
     """Draws of the posterior's error, (knots, count) in m: r_s - smooth(y_s) with (r_s, y_s) from the prior.
 
     The posterior mean plus such a draw is a draw of the profile from the posterior.
@@ -208,7 +212,7 @@ def error_draws(prepared: Filter, count: int, generator: np.random.Generator) ->
     return profiles - smooth(prepared, signals).elevation
 
 
-def _forwards(prepared: Filter, signals: Array) -> tuple[Array, Array, Array]:
+def _forwards(prepared: KalmanGains, signals: Array) -> tuple[Array, Array, Array]:
     ride, process = prepared.ride, prepared.process
     innovations = np.array(signals, dtype=np.float64, order="C")
     means = np.zeros((prepared.knot_covariance.shape[1], innovations.shape[1]))
@@ -220,7 +224,7 @@ def _forwards(prepared: Filter, signals: Array) -> tuple[Array, Array, Array]:
     return innovations, knots, means
 
 
-def _window(ride: Ride) -> Array:
+def _window(ride: DiscretisedRun) -> Array:
     """Rows that read the last window's knots, after the oldest one, off [x; c]; (ring - 3, n + ring)."""
     n, oldest = ride.F.shape[1], ride.newest + len(ride.F) - ride.ring
     rows = np.zeros((ride.ring - 3, n + ride.ring))
@@ -230,7 +234,7 @@ def _window(ride: Ride) -> Array:
     return rows
 
 
-def _ring_weights(ride: Ride, position: float) -> tuple[Array, Array]:
+def _ring_weights(ride: DiscretisedRun, position: float) -> tuple[Array, Array]:
     """Weights of r and r' at ``position`` over the ring's places."""
     value, slope, curvature = np.empty((3, COLUMNS))
     base = int(np.floor(position / ride.spacing))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.kalman.transition_kernels import COLUMNS, bays
+from trackprofile.kalman.transition_kernels import COLUMNS, bay_transitions
 from trackprofile.models.kinematics import Motion
 from trackprofile.models.statespace import StateSpace, step_table
 
@@ -19,7 +19,7 @@ LONGEST_STEP = 0.05
 
 
 @dataclass(frozen=True)
-class Steps:
+class TimeSteps:
     """The motion cut into steps that cross at most one knot each.
 
     ``position``, ``speed``, ``acceleration`` (steps + 1,) begin with the start; ``interval`` (steps,) in s;
@@ -35,7 +35,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Ride:
+class DiscretisedRun:
     """All that the recursions need of a ride; see :mod:`trackprofile.kalman.transition_kernels`.
 
     ``bases`` (bays, wheels) are the indices of the first coefficients that the wheels reach.
@@ -77,16 +77,16 @@ class Ride:
 
 
 @dataclass(frozen=True)
-class Walk:
+class OffsetWalk:
     """Of the offsets: ``duration`` (bays,) in s, and ``rate`` (sensors,) in the sensor's unit per √s."""
 
     duration: Array
     rate: Array
 
 
-def build_ride(
+def discretise_run(
     system: StateSpace, motion: Motion, valid: NDArray[np.bool_], spacing: float
-) -> Ride:
+) -> DiscretisedRun:
     """Cut the motion into bays and compute each bay's matrices.
 
     Parameters
@@ -95,7 +95,7 @@ def build_ride(
     valid : (n, sensors), which samples count
     spacing : between knots, m
     """
-    steps = cut_into_steps(motion, spacing)
+    steps = time_steps(motion, spacing)
     wheels = system.wheel_positions
     ring = 5 + int(np.ceil(np.max(wheels) / spacing))
     samples, sensors = np.nonzero(valid)
@@ -112,20 +112,20 @@ def build_ride(
     reached = (bases[:, :, None] + np.arange(COLUMNS)).reshape(count, columns)
     table = step_table(system, float(np.max(steps.interval)))
     newest = int(np.floor(steps.position[0] / spacing)) + 3
-    bays(
+    bay_transitions(
         table.motion, table.noise, table.spacing, system.C, system.D, wheels, spacing,
         steps.interval, steps.position, steps.speed, steps.acceleration, steps.sample,
         steps.first_step, first_row, np.stack([samples, sensors], axis=1), bases,
         F, G, Q, rows,
     )  # fmt: skip
-    return Ride(
+    return DiscretisedRun(
         F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, first_position[:, 0],
         spacing, ring, newest,
         float(steps.position[0]), float(steps.speed[0]), _walking(system, F), len(system.C),
     )  # fmt: skip
 
 
-def with_offsets(ride: Ride, variance: Array) -> Ride:
+def with_offset_variance(ride: DiscretisedRun, variance: Array) -> DiscretisedRun:
     """The ride with offsets that walk by that variance more, (bays, sensors)."""
     walk = ride.walk.copy()
     walk[:, -ride.offsets :] += variance
@@ -141,7 +141,7 @@ def _walking(system: StateSpace, F: Array) -> Array:
     return walk
 
 
-def cut_into_steps(motion: Motion, spacing: float) -> Steps:
+def time_steps(motion: Motion, spacing: float) -> TimeSteps:
     """Steps between the samples, cut where they are longer than ``LONGEST_STEP`` or cross several knots.
 
     The first step has no length: it ends at the first sample.
@@ -168,7 +168,7 @@ def cut_into_steps(motion: Motion, spacing: float) -> Steps:
     position, speed, acceleration = (
         np.concatenate([values[:1], values]) for values in (position, speed, acceleration)
     )
-    return Steps(interval, position, speed, acceleration, sample, first_step)
+    return TimeSteps(interval, position, speed, acceleration, sample, first_step)
 
 
 def _intervals(lengths: Array, speed: Array, durations: Array, parts: Indices) -> Array:

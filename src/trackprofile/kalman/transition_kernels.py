@@ -145,7 +145,7 @@ def _row(C, D, paths, F, G, row):  # pragma: no cover
 
 
 @compiled
-def bays(
+def bay_transitions(
     motion_table, noise_table, table_spacing, C, D, wheels, spacing,
     interval, position, speed, acceleration, sample, first_step, first_row, sensor_of_row, bases_all,
     F_all, G_all, Q_all, rows,

@@ -22,7 +22,14 @@ from numpy.typing import NDArray
 from trackprofile.errors import ModelError
 from trackprofile.models.sensor import ROLL_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.track import Coupling, PointTrack, RigidTrack
-from trackprofile.models.vehicle import Body, Link, Parameter, Vehicle, Wheel, parameter_values
+from trackprofile.models.vehicle import (
+    Body,
+    Link,
+    Vehicle,
+    VehicleParameter,
+    Wheel,
+    parameter_values,
+)
 
 Array = NDArray[np.float64]
 
@@ -164,7 +171,7 @@ def rolling_track(track: PointTrack) -> PointTrack:
 
 
 @dataclass(frozen=True)
-class Pair:
+class SensorPair:
     """Two accelerometers, by their numbers, of one cross-section: a_L = h + y_L φ̈, a_R = h + y_R φ̈.
 
     Parameters
@@ -190,7 +197,7 @@ class Pair:
         return np.array([left, right]) / (left - right)
 
 
-def pairs_of(sensors: Sequence[Sensor]) -> tuple[Pair, ...]:
+def sensor_pairs(sensors: Sequence[Sensor]) -> tuple[SensorPair, ...]:
     """Accelerometers left and right of the same body, at the same place along it and with the same bandwidth.
 
     Examples
@@ -200,24 +207,24 @@ def pairs_of(sensors: Sequence[Sensor]) -> tuple[Pair, ...]:
     >>> pairs_of([right, left])
     (Pair(left=1, right=0, reach=(1.0, -1.0)),)
     """
-    pairs: list[Pair] = []
+    pairs: list[SensorPair] = []
     taken: set[int] = set()
     for i, one in enumerate(sensors):
         for j, other in enumerate(sensors):
             if not {i, j} & taken and _opposite(one, other):
-                pairs.append(Pair(i, j, (one.lateral, other.lateral)))
+                pairs.append(SensorPair(i, j, (one.lateral, other.lateral)))
                 taken |= {i, j}
     return tuple(pairs)
 
 
-def mean_of(left: Sensor, right: Sensor, pair: Pair) -> Sensor:
+def mean_of(left: Sensor, right: Sensor, pair: SensorPair) -> Sensor:
     """What reads the heave that the two of a pair feel."""
     return replace(
         _together(left, right, pair.of_mean), name=f"mean of {left.name} and {right.name}"
     )
 
 
-def difference_of(left: Sensor, right: Sensor, pair: Pair, contact_spacing: float) -> Sensor:
+def difference_of(left: Sensor, right: Sensor, pair: SensorPair, contact_spacing: float) -> Sensor:
     """What reads the roll that the two of a pair feel, on the rolling car: a_L - a_R = (y_L - y_R)/w ü."""
     gain = left.gain_along * (pair.reach[0] - pair.reach[1]) / contact_spacing
     both = _together(left, right, np.array([1.0, -1.0]))
@@ -229,7 +236,7 @@ def roll_rate_of(sensor: Sensor, contact_spacing: float) -> Sensor:
     return replace(sensor, lateral=0.0, gain=sensor.gain / contact_spacing)
 
 
-def shared_noise(left: Sensor, right: Sensor, pair: Pair) -> float:
+def shared_noise(left: Sensor, right: Sensor, pair: SensorPair) -> float:
     """Correlation of the noise of a pair's mean and difference: 0 where both sides are alike.
 
     Sides of which only one states its noise, or none, are taken to be alike.
@@ -244,7 +251,7 @@ def shared_noise(left: Sensor, right: Sensor, pair: Pair) -> float:
 
 
 @dataclass(frozen=True)
-class Half:
+class RailMode:
     """Sensors that read one of the two motions, and how each comes about from those on board.
 
     Parameters
@@ -258,15 +265,17 @@ class Half:
     weights: Array
     shares: Array
 
-    def only(self, wanted: Sequence[bool]) -> Half:
+    def only(self, wanted: Sequence[bool]) -> RailMode:
         """Some of the sensors."""
         kept = np.flatnonzero(wanted)
-        return Half(tuple(self.sensors[i] for i in kept), self.weights[:, kept], self.shares[kept])
+        return RailMode(
+            tuple(self.sensors[i] for i in kept), self.weights[:, kept], self.shares[kept]
+        )
 
 
-def halves_of(
-    sensors: Sequence[Sensor], pairs: Sequence[Pair], contact_spacing: float
-) -> tuple[Half, Half]:
+def rail_modes(
+    sensors: Sequence[Sensor], pairs: Sequence[SensorPair], contact_spacing: float
+) -> tuple[RailMode, RailMode]:
     """What reads the mean of both rails, and what reads their difference.
 
     Examples
@@ -300,10 +309,10 @@ def halves_of(
 _Reading = tuple[Sensor, Array, Array]
 
 
-def _half(parts: Sequence[_Reading], count: int) -> Half:
+def _half(parts: Sequence[_Reading], count: int) -> RailMode:
     """Of sensors, each with its weights and shares, (on board,)."""
     weights, shares = (np.array([one[k] for one in parts]).reshape(-1, count) for k in (1, 2))
-    return Half(tuple(one[0] for one in parts), weights.T, shares)
+    return RailMode(tuple(one[0] for one in parts), weights.T, shares)
 
 
 def _opposite(left: Sensor, right: Sensor) -> bool:
@@ -340,7 +349,7 @@ def _together(left: Sensor, right: Sensor, weights: Array) -> Sensor:
     )
 
 
-def _felt_in_roll(parameter: Parameter, links: Sequence[str]) -> Parameter | None:
+def _felt_in_roll(parameter: VehicleParameter, links: Sequence[str]) -> VehicleParameter | None:
     """The parameter with the fields of the rolling car that it stands for; None where roll does not feel it."""
     used_by = list[tuple[str, str]]()
     for part, field in parameter.used_by:

@@ -67,7 +67,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class Piece:
+class SpectrumSegment:
     """A power law that may bend: S₀ (Ω/Ω₀)^-slope (1 + (Ω/Ωk)^sharpness)^(-fall/sharpness).
 
     Parameters
@@ -124,7 +124,7 @@ class PowerLaw:
     """
 
     name: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[SpectrumSegment, ...]
     shortest: float
     longest: float
     source: str = ""

@@ -74,7 +74,7 @@ Part = TypeVar("Part", Body, Wheel, Link)
 
 
 @dataclass(frozen=True)
-class Parameter:
+class VehicleParameter:
     """A named number of a vehicle, with its unit and source, and the fields that take it.
 
     ``used_by`` holds pairs (part, field), so that one suspension stiffness serves all its springs. ``spread`` is
@@ -112,7 +112,7 @@ class Vehicle:
     links: tuple[Link, ...]
     wheels: tuple[Wheel, ...]
     source: str = ""
-    parameters: tuple[Parameter, ...] = field(default=())
+    parameters: tuple[VehicleParameter, ...] = field(default=())
     contact_spacing: float = 1.5
 
     def __post_init__(self) -> None:

@@ -24,7 +24,7 @@ STRETCHED = 0.1
 
 
 @dataclass(frozen=True)
-class Way:
+class ChainageTable:
     """The way of a train, in posts and coordinates.
 
     Between two posts the kilometrage runs evenly; before the first and after the last as from the distance. Two posts

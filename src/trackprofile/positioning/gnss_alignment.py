@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.arrays import integral
-from trackprofile.kalman.chain import Chain, Smoothed, log_likelihood, smooth
+from trackprofile.kalman.chain import ChainPosterior, GaussMarkovChain, log_likelihood, smooth_chain
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ SETTLED = 0.1
 MOST_ROUNDS = 8
 
 
-def own_line(time: Array, points: Array, run: Array | None) -> tuple[Array, Array]:
+def align_to_own_line(time: Array, points: Array, run: Array | None) -> tuple[Array, Array]:
     """Where along the line through positions each one is, and how far beside it, (n,) each in m.
 
     Parameters
@@ -100,7 +100,7 @@ def _run(time: Array, off: Array) -> Array:
     return integral(np.linalg.norm(found.state[:, 1], axis=1), time)
 
 
-def _curve(at: Array, where: Array, walk: float) -> Chain:
+def _curve(at: Array, where: Array, walk: float) -> GaussMarkovChain:
     """Coordinates whose second derivative wanders so fast, at nodes, read at some of them."""
     step = np.diff(at)
     F = np.tile(np.eye(3), (len(step), 1, 1))
@@ -114,17 +114,17 @@ def _curve(at: Array, where: Array, walk: float) -> Chain:
     h = np.zeros((len(where), 3))
     h[:, 0] = 1.0
     start = np.diag([FAR, FAR / 100, FAR / 1e4]) ** 2
-    return Chain(np.zeros((3, 3)), start, F, Q, np.searchsorted(at, where), h)
+    return GaussMarkovChain(np.zeros((3, 3)), start, F, Q, np.searchsorted(at, where), h)
 
 
-def _laid(curve: Chain, off: Array) -> tuple[Smoothed, Array]:
+def _laid(curve: GaussMarkovChain, off: Array) -> tuple[ChainPosterior, Array]:
     """The curve laid through positions, and the variance that each showed, (n,) m²."""
     variance = np.full(len(off), USUAL**2)
     level, own = USUAL**2, np.zeros(len(off))
     rounds = 0
     while True:
         rounds += 1
-        found = smooth(curve, off, variance)
+        found = smooth_chain(curve, off, variance)
         squares = np.sum(found.error**2, axis=1)
         shown = max(float(np.median(squares / (level + found.open))) / SQUARE_MEDIAN, LEAST)
         level = max(level * float(np.clip(shown, 0.25, 4.0)), FINEST**2)

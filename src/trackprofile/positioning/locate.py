@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from trackprofile.arrays import runs
 from trackprofile.errors import DataError
-from trackprofile.positioning.map_matching import AROUND, Placed, placed, run_of
-from trackprofile.positioning.position_model import COMMON, FAR, Assumed
+from trackprofile.positioning.map_matching import AROUND, MatchedPositions, match_positions, run_of
+from trackprofile.positioning.position_model import COMMON, FAR, PositionPrior
 from trackprofile.positioning.position_observations import (
     STILL,
-    Readings,
+    PositionObservations,
     Source,
-    Stand,
+    StandstillInterval,
+    displayed_speed_observations,
     fresh_fixes,
-    of_fix_speed,
-    of_rolled,
-    of_shown,
+    gnss_speed_observations,
+    odometry_observations,
+    odometry_standstills,
     ran,
-    stands_of_rolled,
-    stands_of_speed,
+    speed_standstills,
 )
-from trackprofile.positioning.position_smoother import BEYOND, Travel, travel
+from trackprofile.positioning.position_smoother import BEYOND, PositionEstimate, smooth_position
 from trackprofile.positioning.sources import Sources
 from trackprofile.preprocessing.faults import ClockFault
 
@@ -69,7 +69,7 @@ class Whereabouts:
     notes: tuple[str, ...]
 
 
-def whereabouts(sources: Sources, time: Array) -> Whereabouts:
+def locate(sources: Sources, time: Array) -> Whereabouts:
     """Where a train was and how fast it went at some times, (n,) in s and rising.
 
     The distance is that of the way or of the posts, which against the way, or against the kilometrage where there is
@@ -81,7 +81,7 @@ def whereabouts(sources: Sources, time: Array) -> Whereabouts:
     """
     sources = _told(sources)
     moves = _moves(sources)
-    places = placed(sources.fixes, sources.posts, sources.way, moves)
+    places = match_positions(sources.fixes, sources.posts, sources.way, moves)
     _check_run(moves, places)
     stands, dead = _stands(sources, moves, places)
     readings = [*places.readings, *(_without(one, dead) for one in moves)]
@@ -91,10 +91,10 @@ def whereabouts(sources: Sources, time: Array) -> Whereabouts:
         )
     assumed = _assumed(sources, places, readings)
     span = (float(time[0]), float(time[-1]))
-    found = travel(readings, stands, dead, assumed, span)
+    found = smooth_position(readings, stands, dead, assumed, span)
     if not moves:
         stands = _slow(found)
-        found = travel(readings, stands, dead, assumed, span) if stands else found
+        found = smooth_position(readings, stands, dead, assumed, span) if stands else found
     distance, speed = _at(found, time, stands)
     if not assumed.begin_deviation or (assumed.own_line and assumed.anchored):
         distance = distance - distance[0]
@@ -122,7 +122,7 @@ def _told(sources: Sources) -> Sources:
     )
 
 
-def _check_run(moves: Sequence[Readings], places: Placed) -> None:
+def _check_run(moves: Sequence[PositionObservations], places: MatchedPositions) -> None:
     """Refuse a wheel that rolls much farther than positions go, or less."""
     run = run_of(moves)
     if run is None:
@@ -142,37 +142,39 @@ def _from_end_to_end(places: Array) -> float:
     return abs(float(np.median(places[-third:]) - np.median(places[:third])))
 
 
-def _moves(sources: Sources) -> list[Readings]:
+def _moves(sources: Sources) -> list[PositionObservations]:
     """What says how far the train ran, or how fast."""
     found = []
     if sources.rolled is not None:
-        found.append(of_rolled(sources.rolled))
+        found.append(odometry_observations(sources.rolled))
     if sources.shown is not None:
-        found.append(of_shown(sources.shown))
+        found.append(displayed_speed_observations(sources.shown))
     if sources.fixes is not None and sources.fixes.speed is not None:
-        found.append(of_fix_speed(sources.fixes))
+        found.append(gnss_speed_observations(sources.fixes))
     return [one for one in found if len(one.time)]
 
 
 def _stands(
-    sources: Sources, moves: Sequence[Readings], places: Placed
-) -> tuple[list[Stand], list[Stand]]:
+    sources: Sources, moves: Sequence[PositionObservations], places: MatchedPositions
+) -> tuple[list[StandstillInterval], list[StandstillInterval]]:
     """When the train stood, and when only its wheel did, by the first of what can say."""
     fixes = next((one for one in places.readings if one.source is Source.FIX), None)
     doppler = next((one for one in moves if one.source is Source.FIX_SPEED), None)
     if sources.rolled is not None:
-        found = stands_of_rolled(sources.rolled)
+        found = odometry_standstills(sources.rolled)
     elif sources.shown is not None:
-        found = stands_of_speed(sources.shown.time, sources.shown.speed)
+        found = speed_standstills(sources.shown.time, sources.shown.speed)
     elif doppler is not None:
-        return stands_of_speed(doppler.time, doppler.value), []
+        return speed_standstills(doppler.time, doppler.value), []
     else:
         return [], []
     dead = [one for one in found if ran(one, fixes)]
     return [one for one in found if one not in dead], dead
 
 
-def _without(readings: Readings, dead: Sequence[Stand]) -> Readings:
+def _without(
+    readings: PositionObservations, dead: Sequence[StandstillInterval]
+) -> PositionObservations:
     """A wheel's readings but those of a time in which it stood and the train ran."""
     if readings.source not in {Source.ROLLED, Source.SHOWN}:
         return readings
@@ -187,7 +189,9 @@ def _without(readings: Readings, dead: Sequence[Stand]) -> Readings:
     )
 
 
-def _assumed(sources: Sources, places: Placed, readings: Sequence[Readings]) -> Assumed:
+def _assumed(
+    sources: Sources, places: MatchedPositions, readings: Sequence[PositionObservations]
+) -> PositionPrior:
     wheels = [one.deviation for one in (sources.rolled, sources.shown) if one is not None]
     posted = any(one.source is Source.POST for one in places.readings)
     anchor = next((one for one in reversed(places.readings) if len(one.time)), None)
@@ -197,7 +201,7 @@ def _assumed(sources: Sources, places: Placed, readings: Sequence[Readings]) -> 
         run = run_of(readings)
         since = np.interp(anchor.time, *run) if run else anchor.value - anchor.value[0]
         begin = float(np.median((anchor.value - since)[:AROUND]))
-    return Assumed(
+    return PositionPrior(
         scale_deviation=min(wheels, default=0.0),
         begin=begin,
         begin_deviation=0.0 if anchor is None else FAR,
@@ -208,7 +212,7 @@ def _assumed(sources: Sources, places: Placed, readings: Sequence[Readings]) -> 
     )
 
 
-def _slow(found: Travel) -> list[Stand]:
+def _slow(found: PositionEstimate) -> list[StandstillInterval]:
     """When a train stood of which only positions are known, s: slow, for longer than it would take to get anywhere."""
     stands = []
     for run in runs(found.speed < WALKING):
@@ -219,7 +223,9 @@ def _slow(found: Travel) -> list[Stand]:
     return stands
 
 
-def _at(found: Travel, time: Array, stands: Sequence[Stand]) -> tuple[Array, Array]:
+def _at(
+    found: PositionEstimate, time: Array, stands: Sequence[StandstillInterval]
+) -> tuple[Array, Array]:
     """Distance and speed at some times.
 
     Between two nodes runs the quintic through both states, the mean of a walk of the acceleration between its ends.
@@ -243,7 +249,7 @@ def _at(found: Travel, time: Array, stands: Sequence[Stand]) -> tuple[Array, Arr
     return np.maximum.accumulate(distance), np.maximum(speed, 0.0)
 
 
-def _doubted(found: Travel, time: Array) -> NDArray[np.int8]:
+def _doubted(found: PositionEstimate, time: Array) -> NDArray[np.int8]:
     """Flags of the samples at which positions were weighted down, and at which the wheel slipped."""
     flags = np.zeros(len(time), np.int8)
     rows = found.rows
@@ -256,7 +262,9 @@ def _doubted(found: Travel, time: Array) -> NDArray[np.int8]:
     return flags
 
 
-def _said(found: Travel, dead: Sequence[Stand], *, told: bool) -> Iterator[str]:
+def _said(
+    found: PositionEstimate, dead: Sequence[StandstillInterval], *, told: bool
+) -> Iterator[str]:
     """What was found, in sentences."""
     rows = found.rows
     used = [one for one in Source if one is not Source.STANDING and rows.of(one).any()]

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from trackprofile.errors import DataError
-from trackprofile.positioning.chainage import Way
-from trackprofile.positioning.gnss_alignment import own_line
+from trackprofile.positioning.chainage import ChainageTable
+from trackprofile.positioning.gnss_alignment import align_to_own_line
 from trackprofile.positioning.polyline import cartesian, line_of
 from trackprofile.positioning.position_observations import (
-    Readings,
+    PositionObservations,
     Source,
     fresh_fixes,
-    of_fixes,
-    of_posts,
+    gnss_observations,
+    post_observations,
 )
-from trackprofile.positioning.sources import Fixes, Posts
+from trackprofile.positioning.sources import GnssFixes, KilometrePosts
 
 Array = NDArray[np.float64]
 Run = tuple[Array, Array]
@@ -48,7 +48,7 @@ USUAL_SPEED = 20.0
 
 
 @dataclass(frozen=True)
-class Placed:
+class MatchedPositions:
     """What says where a train was, along one line in the direction of travel.
 
     Parameters
@@ -60,14 +60,14 @@ class Placed:
     notes : in sentences
     """
 
-    readings: tuple[Readings, ...] = ()
+    readings: tuple[PositionObservations, ...] = ()
     own_line: bool = False
     sign: float = 0.0
     direction: str = ""
     notes: tuple[str, ...] = ()
 
 
-def run_of(moves: Sequence[Readings]) -> Run | None:
+def run_of(moves: Sequence[PositionObservations]) -> Run | None:
     """Times in s and how far a train had run by then in m, by the first of what says so; None where nothing does."""
     for source in (Source.ROLLED, Source.SHOWN, Source.FIX_SPEED):
         for one in moves:
@@ -79,9 +79,12 @@ def run_of(moves: Sequence[Readings]) -> Run | None:
     return None
 
 
-def placed(
-    fixes: Fixes | None, posts: Posts | None, way: Way | None, moves: Sequence[Readings]
-) -> Placed:
+def match_positions(
+    fixes: GnssFixes | None,
+    posts: KilometrePosts | None,
+    way: ChainageTable | None,
+    moves: Sequence[PositionObservations],
+) -> MatchedPositions:
     """Fixes and posts brought to the way, or, without one, to the line that the fixes themselves make.
 
     Against the way, or against the kilometrage where there is none, distances count with a minus.
@@ -94,7 +97,7 @@ def placed(
     ------
     DataError : the fixes are far from the way, or the train turns.
     """
-    run, found = run_of(moves), Placed()
+    run, found = run_of(moves), MatchedPositions()
     if run is not None:
         _check_speed(*run)
     if fixes is not None:
@@ -104,11 +107,11 @@ def placed(
         else:
             found = _on_their_own(fixes, kept, run)
     if posts is not None and len(posts.time):
-        found = _with_posts(found, posts, way or Way(), run)
+        found = _with_posts(found, posts, way or ChainageTable(), run)
     return found
 
 
-def _on_the_way(fixes: Fixes, kept: NDArray[np.intp], way: Way) -> Placed:
+def _on_the_way(fixes: GnssFixes, kept: NDArray[np.intp], way: ChainageTable) -> MatchedPositions:
     along, beside = line_of(way).placed(cartesian(fixes.latitude[kept], fixes.longitude[kept]))
     near = np.isfinite(along)
     usual = float(np.median(beside[near])) if np.count_nonzero(near) > 1 else np.inf
@@ -125,25 +128,27 @@ def _on_the_way(fixes: Fixes, kept: NDArray[np.intp], way: Way) -> Placed:
     along, kept = along[near], kept[near]
     sign = _sign(along)
     _check_one_way(sign * along, fixes.time[kept])
-    return Placed(
-        (of_fixes(fixes, kept, sign * along),),
+    return MatchedPositions(
+        (gnss_observations(fixes, kept, sign * along),),
         sign=sign,
         direction=_direction(way, sign) if np.size(way.kilometre) else "",
         notes=_against("its way", sign),
     )
 
 
-def _on_their_own(fixes: Fixes, kept: NDArray[np.intp], run: Run | None) -> Placed:
+def _on_their_own(fixes: GnssFixes, kept: NDArray[np.intp], run: Run | None) -> MatchedPositions:
     time = fixes.time[kept]
     points = cartesian(fixes.latitude[kept], fixes.longitude[kept])
     rough = None if run is None else np.interp(time, *run)
     _check_speed(time, np.linalg.norm(points - points[0], axis=1))
-    along, beside = own_line(time, points, rough)
+    along, beside = align_to_own_line(time, points, rough)
     near = beside <= max(NARROW, BESIDE * float(np.median(beside)))
-    return Placed((of_fixes(fixes, kept[near], along[near]),), own_line=True)
+    return MatchedPositions((gnss_observations(fixes, kept[near], along[near]),), own_line=True)
 
 
-def _with_posts(found: Placed, posts: Posts, way: Way, run: Run | None) -> Placed:
+def _with_posts(
+    found: MatchedPositions, posts: KilometrePosts, way: ChainageTable, run: Run | None
+) -> MatchedPositions:
     distance = way.distances(posts.kilometre)
     once = np.isfinite(distance)
     distance, time = distance[once], posts.time[once]
@@ -158,7 +163,7 @@ def _with_posts(found: Placed, posts: Posts, way: Way, run: Run | None) -> Place
         line = "its way" if np.size(way.kilometre) else "the kilometrage"
         notes += _against(line, sign) if len(distance) > 1 else _unsaid()
     speed = _speed_at(time, run, (time, sign * distance))
-    reading = of_posts(replace(posts, time=time), sign * distance, speed)
+    reading = post_observations(replace(posts, time=time), sign * distance, speed)
     return replace(
         found,
         readings=(*found.readings, reading),
@@ -207,7 +212,7 @@ def _check_one_way(along: Array, time: Array) -> None:
         )
 
 
-def _direction(way: Way, sign: float) -> str:
+def _direction(way: ChainageTable, sign: float) -> str:
     with_it = way.direction.startswith("with") == (sign > 0)
     return "with the kilometrage" if with_it else "against the kilometrage"
 

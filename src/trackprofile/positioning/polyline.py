@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -47,7 +47,7 @@ def cartesian(latitude: Array, longitude: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Line:
+class Polyline:
     """Points (n, 3) in m from the Earth's centre, at distances (n,) in m along the line, rising."""
 
     distance: Array
@@ -83,7 +83,7 @@ class Line:
         return at, np.stack([np.interp(at, self.distance, one) for one in self.point.T], axis=1)
 
 
-def line_of(way: Way) -> Line:
+def line_of(way: ChainageTable) -> Polyline:
     """The line of a way that has coordinates."""
     point = cartesian(np.asarray(way.latitude), np.asarray(way.longitude))
-    return Line(np.asarray(way.point_distance), point)
+    return Polyline(np.asarray(way.point_distance), point)

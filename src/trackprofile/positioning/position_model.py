@@ -17,8 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.kalman.chain import Chain
-from trackprofile.positioning.position_observations import Readings, Source, Stand
+from trackprofile.kalman.chain import GaussMarkovChain
+from trackprofile.positioning.position_observations import (
+    PositionObservations,
+    Source,
+    StandstillInterval,
+)
 from trackprofile.preprocessing.motion import ACCELERATION_WALK
 
 Array = NDArray[np.float64]
@@ -78,7 +82,7 @@ _READS = {
 
 
 @dataclass(frozen=True)
-class Assumed:
+class PositionPrior:
     """What is known before the readings, and about which the model is linear.
 
     Parameters
@@ -124,7 +128,10 @@ class Rows:
 
 
 def rows_of(
-    readings: Sequence[Readings], stands: Sequence[Stand], dead: Sequence[Stand], span: Stand
+    readings: Sequence[PositionObservations],
+    stands: Sequence[StandstillInterval],
+    dead: Sequence[StandstillInterval],
+    span: StandstillInterval,
 ) -> Rows:
     """All readings, with those of a train that stands, on nodes over a span of time, s.
 
@@ -145,7 +152,9 @@ def rows_of(
     for begin_, end_ in dead:
         lost |= (time[1:] > begin_) & (time[:-1] < end_)
     count = np.count_nonzero(still)
-    standing = Readings(Source.STANDING, time[still], np.zeros(count), np.full(count, STANDING**2))
+    standing = PositionObservations(
+        Source.STANDING, time[still], np.zeros(count), np.full(count, STANDING**2)
+    )
     readings = [*readings, standing]
     node = np.searchsorted(time, np.concatenate([one.time for one in readings]))
     order = np.argsort(node, kind="stable")
@@ -160,8 +169,8 @@ def rows_of(
 
 
 def chain_of(
-    rows: Rows, assumed: Assumed, speed: Array, slip: Array, jerk: Array
-) -> tuple[Chain, Array]:
+    rows: Rows, assumed: PositionPrior, speed: Array, slip: Array, jerk: Array
+) -> tuple[GaussMarkovChain, Array]:
     """The chain, and the values of its rows, about a ``speed`` at the nodes, m/s.
 
     Parameters
@@ -192,10 +201,10 @@ def chain_of(
         first = int(np.argmax(wheel))
         mean[SLIP] = values[first] - np.sum(run[: rows.node[first]])
         P[SLIP, SLIP] = FAR**2
-    return Chain(mean[:, None], P, F, noise, rows.node, h), values
+    return GaussMarkovChain(mean[:, None], P, F, noise, rows.node, h), values
 
 
-def _steps(dt: Array, run: Array, assumed: Assumed) -> tuple[Array, Array]:
+def _steps(dt: Array, run: Array, assumed: PositionPrior) -> tuple[Array, Array]:
     """What happens from node to node: matrices (steps, 8, 8) and covariances."""
     F = np.tile(np.eye(8), (len(dt), 1, 1))
     F[:, Q, V] = F[:, V, A] = dt

@@ -11,11 +11,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from trackprofile.arrays import runs
-from trackprofile.positioning.sources import Fixes, Posts, Rolled, Shown
+from trackprofile.positioning.sources import (
+    DisplayedSpeed,
+    GnssFixes,
+    KilometrePosts,
+    WheelOdometry,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Stand = tuple[float, float]
+StandstillInterval = tuple[float, float]
 
 CELL = 0.25
 """s: of anything that is recorded more often, what comes later says the same again."""
@@ -54,7 +59,7 @@ class Source(StrEnum):
 
 
 @dataclass(frozen=True)
-class Readings:
+class PositionObservations:
     """What one source said: (n,) each.
 
     Parameters
@@ -72,7 +77,7 @@ class Readings:
     stated: bool = True
 
 
-def of_rolled(rolled: Rolled) -> Readings:
+def odometry_observations(rolled: WheelOdometry) -> PositionObservations:
     """One reading in each cell: at the last pulse in it, else at its end.
 
     A pulse between two samples tells the place to what rolled meanwhile; without one it is told to a pulse.
@@ -91,10 +96,10 @@ def of_rolled(rolled: Rolled) -> Readings:
     since = np.minimum(step, np.abs(speed) * interval[at])
     width = np.where(pulsed, since, step)
     value = counted[at] + 0.5 * width
-    return Readings(Source.ROLLED, time[at], value, width**2 / 12.0 + PULSE**2)
+    return PositionObservations(Source.ROLLED, time[at], value, width**2 / 12.0 + PULSE**2)
 
 
-def of_shown(shown: Shown) -> Readings:
+def displayed_speed_observations(shown: DisplayedSpeed) -> PositionObservations:
     """Means over a cell; what stays in one step says so once.
 
     A display shows zero where it cannot tell, below some walking speed.
@@ -104,17 +109,17 @@ def of_shown(shown: Shown) -> Readings:
     starts = np.concatenate([[True], np.diff(value) != 0])
     count = np.bincount(np.cumsum(starts) - 1)[np.cumsum(starts) - 1]
     noise = shown.step**2 / 12.0 + SHOWS**2 + np.where(speed == 0.0, CREEP**2, 0.0)
-    return Readings(Source.SHOWN, at, speed, noise * count)
+    return PositionObservations(Source.SHOWN, at, speed, noise * count)
 
 
-def of_fix_speed(fixes: Fixes) -> Readings:
+def gnss_speed_observations(fixes: GnssFixes) -> PositionObservations:
     """The speed by Doppler, where there is one."""
     assert fixes.speed is not None
     known = np.isfinite(fixes.speed)
     fresh = known & (np.diff(np.where(known, fixes.speed, -1.0), prepend=-1.0) != 0)
     kept = _thinned(fixes.time, fresh)
     value = fixes.speed[kept]
-    return Readings(
+    return PositionObservations(
         Source.FIX_SPEED,
         fixes.time[kept] - fixes.delay,
         value,
@@ -123,10 +128,12 @@ def of_fix_speed(fixes: Fixes) -> Readings:
     )
 
 
-def of_fixes(fixes: Fixes, kept: NDArray[np.intp], along: Array) -> Readings:
+def gnss_observations(
+    fixes: GnssFixes, kept: NDArray[np.intp], along: Array
+) -> PositionObservations:
     """Fixes that were brought to a line, at ``along`` m."""
     deviation = FIX if fixes.deviation is None else fixes.deviation
-    return Readings(
+    return PositionObservations(
         Source.FIX,
         fixes.time[kept] - fixes.delay,
         along + fixes.behind,
@@ -135,13 +142,13 @@ def of_fixes(fixes: Fixes, kept: NDArray[np.intp], along: Array) -> Readings:
     )
 
 
-def of_posts(posts: Posts, distance: Array, speed: Array) -> Readings:
+def post_observations(posts: KilometrePosts, distance: Array, speed: Array) -> PositionObservations:
     """Posts that stand at ``distance`` m, passed at ``speed`` m/s."""
     variance = posts.deviation**2 + (speed * posts.timing) ** 2
-    return Readings(Source.POST, posts.time, distance + posts.behind, variance)
+    return PositionObservations(Source.POST, posts.time, distance + posts.behind, variance)
 
 
-def fresh_fixes(fixes: Fixes) -> NDArray[np.intp]:
+def fresh_fixes(fixes: GnssFixes) -> NDArray[np.intp]:
     """Fixes that are there, and are not the one before written again."""
     there = np.isfinite(fixes.latitude) & np.isfinite(fixes.longitude)
     # Receivers without a fix say the Gulf of Guinea.
@@ -152,7 +159,7 @@ def fresh_fixes(fixes: Fixes) -> NDArray[np.intp]:
     return _thinned(fixes.time, there & ~again)
 
 
-def stands_of_rolled(rolled: Rolled) -> list[Stand]:
+def odometry_standstills(rolled: WheelOdometry) -> list[StandstillInterval]:
     """From when to when no pulse came for longer than a creeping train would leave between some of them, s."""
     counted = np.diff(rolled.distance) > 0
     at = rolled.time[np.concatenate([[0], 1 + np.flatnonzero(counted), [len(rolled.time) - 1]])]
@@ -162,7 +169,7 @@ def stands_of_rolled(rolled: Rolled) -> list[Stand]:
     return [(float(a + rest), float(b - rest)) for a, b in pairwise(at) if b - a > least + 2 * rest]
 
 
-def stands_of_speed(time: Array, speed: Array) -> list[Stand]:
+def speed_standstills(time: Array, speed: Array) -> list[StandstillInterval]:
     """From when to when a speed, (n,), was none but for noise, s."""
     at, mean = _cell_means(time, speed, 1.0)
     slow = median_filter(mean, 5, mode="nearest") < CREEP
@@ -170,7 +177,7 @@ def stands_of_speed(time: Array, speed: Array) -> list[Stand]:
     return [(a + 0.5, b - 0.5) for a, b in found if b - a > STILL + 1.0]
 
 
-def ran(stand: Stand, fixes: Readings | None) -> bool:
+def ran(stand: StandstillInterval, fixes: PositionObservations | None) -> bool:
     """Whether fixes show that a train ran while its wheel said that it stood."""
     if fixes is None:
         return False

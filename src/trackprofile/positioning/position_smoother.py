@@ -15,20 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from trackprofile.kalman.chain import Smoothed, log_likelihood, smooth
+from trackprofile.kalman.chain import ChainPosterior, log_likelihood, smooth_chain
 from trackprofile.positioning.position_model import (
     SCALE,
     SLIP,
     A,
-    Assumed,
     D,
+    PositionPrior,
     Q,
     Rows,
     V,
     chain_of,
     rows_of,
 )
-from trackprofile.positioning.position_observations import Readings, Source, Stand
+from trackprofile.positioning.position_observations import (
+    PositionObservations,
+    Source,
+    StandstillInterval,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -82,7 +86,7 @@ UNLIKELY = 1.0
 
 
 @dataclass(frozen=True)
-class Weights:
+class PositionWeights:
     """What is believed of each reading and step.
 
     Parameters
@@ -105,7 +109,7 @@ class Weights:
 
 
 @dataclass(frozen=True)
-class Travel:
+class PositionEstimate:
     """What all readings make of a ride, at the nodes (n,).
 
     Parameters
@@ -128,18 +132,18 @@ class Travel:
     scale_deviation: float
     wander: float
     rows: Rows
-    weights: Weights
+    weights: PositionWeights
     slipped: Array
     rounds: int
 
 
-def travel(
-    readings: Sequence[Readings],
-    stands: Sequence[Stand],
-    dead: Sequence[Stand],
-    assumed: Assumed,
-    span: Stand,
-) -> Travel:
+def smooth_position(
+    readings: Sequence[PositionObservations],
+    stands: Sequence[StandstillInterval],
+    dead: Sequence[StandstillInterval],
+    assumed: PositionPrior,
+    span: StandstillInterval,
+) -> PositionEstimate:
     """Smooth all readings, weigh down what disagrees, and again until nothing changes.
 
     Parameters
@@ -149,7 +153,7 @@ def travel(
     span : first and last time that are asked for, s
     """
     rows = rows_of(readings, stands, dead, span)
-    weights = Weights(
+    weights = PositionWeights(
         dict.fromkeys(Source, 1.0),
         np.zeros(len(rows.value)),
         np.zeros(len(rows.time) - 1),
@@ -166,19 +170,21 @@ def travel(
 
 @dataclass(frozen=True)
 class _Settled:
-    found: Smoothed
-    assumed: Assumed
-    weights: Weights
+    found: ChainPosterior
+    assumed: PositionPrior
+    weights: PositionWeights
     speed: Array
     rounds: int
 
 
-def _settled(rows: Rows, assumed: Assumed, weights: Weights, speed: Array) -> _Settled:
+def _settled(
+    rows: Rows, assumed: PositionPrior, weights: PositionWeights, speed: Array
+) -> _Settled:
     rounds = 0
     while True:
         rounds += 1
         chain, values = chain_of(rows, assumed, speed, weights.slip, weights.jerk)
-        found = smooth(chain, values[:, None], weights.noise(rows))
+        found = smooth_chain(chain, values[:, None], weights.noise(rows))
         again = _judged(weights, rows, found, outliers_of_wheel=rounds >= WHEEL_FIRST)
         error = float(np.clip(np.median(found.state[:, SCALE, 0]), -BOLD, BOLD))
         speed = np.maximum(found.state[:, V, 0], 0.0)
@@ -189,7 +195,9 @@ def _settled(rows: Rows, assumed: Assumed, weights: Weights, speed: Array) -> _S
         assumed = replace(assumed, scale=float(assumed.scale * np.exp(error)))
 
 
-def _judged(weights: Weights, rows: Rows, found: Smoothed, *, outliers_of_wheel: bool) -> Weights:
+def _judged(
+    weights: PositionWeights, rows: Rows, found: ChainPosterior, *, outliers_of_wheel: bool
+) -> PositionWeights:
     """The weights that the last round asks for."""
     squares = np.square(found.error[:, 0])
     level = {one: _level(one, weights, rows, found, squares) for one in weights.level}
@@ -201,10 +209,12 @@ def _judged(weights: Weights, rows: Rows, found: Smoothed, *, outliers_of_wheel:
         far &= ~rows.of(Source.ROLLED)
     own = np.where(far, squares - found.open, 0.0)
     slip, jerk = _jumps(weights, rows, found)
-    return Weights(level, own, slip, jerk)
+    return PositionWeights(level, own, slip, jerk)
 
 
-def _level(source: Source, weights: Weights, rows: Rows, found: Smoothed, squares: Array) -> float:
+def _level(
+    source: Source, weights: PositionWeights, rows: Rows, found: ChainPosterior, squares: Array
+) -> float:
     """Noise variance of a source over the one that was thought."""
     here, level = rows.of(source), weights.level[source]
     if source is Source.STANDING or np.count_nonzero(here) < FEWEST:
@@ -217,7 +227,7 @@ def _level(source: Source, weights: Weights, rows: Rows, found: Smoothed, square
     return max(1.0, bold) if shown > LOUDER or level > 1.0 else level
 
 
-def _jumps(weights: Weights, rows: Rows, found: Smoothed) -> tuple[Array, Array]:
+def _jumps(weights: PositionWeights, rows: Rows, found: ChainPosterior) -> tuple[Array, Array]:
     """Variances of slips and changes of acceleration: those that still show, and the clearest others."""
     far, size = {}, {}
     for place, variance in ((SLIP, weights.slip), (A, weights.jerk)):
@@ -244,7 +254,7 @@ def _jumps(weights: Weights, rows: Rows, found: Smoothed) -> tuple[Array, Array]
     return slip, jerk
 
 
-def _same(a: Weights, b: Weights) -> bool:
+def _same(a: PositionWeights, b: PositionWeights) -> bool:
     change = max(abs(np.log(a.level[one] / b.level[one])) for one in a.level)
     pairs = ((a.own, b.own), (a.slip, b.slip), (a.jerk, b.jerk))
     return bool(
@@ -259,7 +269,7 @@ def _with_likely_noise(rows: Rows, settled: _Settled) -> _Settled:
     free = np.array([not assumed.wander_stated, not rows.stated[rows.of(Source.FIX)][0]])
     level = weights.level[Source.FIX]
 
-    def at(logarithms: Array) -> tuple[Weights, Assumed]:
+    def at(logarithms: Array) -> tuple[PositionWeights, PositionPrior]:
         wander, own = np.exp(_spread(logarithms, free))
         return (
             replace(
@@ -302,11 +312,11 @@ def rough_speed(rows: Rows) -> Array:
     return np.zeros(len(rows.time))
 
 
-def _travel(rows: Rows, settled: _Settled) -> Travel:
+def _travel(rows: Rows, settled: _Settled) -> PositionEstimate:
     state, P = settled.found.state[:, :, 0], settled.found.covariance
     error = state[:, SCALE]
     variance = P[:, Q, Q] + 2 * P[:, Q, D] + P[:, D, D]
-    return Travel(
+    return PositionEstimate(
         rows.time,
         state[:, Q] + state[:, D],
         state[:, V] * (1.0 + error),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,7 +30,7 @@ RESET = 0.5
 
 
 @dataclass(frozen=True)
-class Fixes:
+class GnssFixes:
     """Satellite positions.
 
     Parameters
@@ -56,7 +56,7 @@ class Fixes:
 
 
 @dataclass(frozen=True)
-class Rolled:
+class WheelOdometry:
     """How far a wheel rolled, by its nominal diameter.
 
     Parameters
@@ -73,7 +73,7 @@ class Rolled:
 
 
 @dataclass(frozen=True)
-class Posts:
+class KilometrePosts:
     """Kilometre posts passed.
 
     Parameters
@@ -92,7 +92,7 @@ class Posts:
 
 
 @dataclass(frozen=True)
-class Shown:
+class DisplayedSpeed:
     """A speed that the train shows, by a wheel: (n,), s and m/s; ``step`` in which it is recorded, m/s."""
 
     time: Array
@@ -105,11 +105,11 @@ class Shown:
 class Sources:
     """All that is known of where a train was, and the way that it took."""
 
-    fixes: Fixes | None = None
-    rolled: Rolled | None = None
-    posts: Posts | None = None
-    shown: Shown | None = None
-    way: Way | None = None
+    fixes: GnssFixes | None = None
+    rolled: WheelOdometry | None = None
+    posts: KilometrePosts | None = None
+    shown: DisplayedSpeed | None = None
+    way: ChainageTable | None = None
 
 
 def unwrapped(counter: Array) -> tuple[Array, int]:

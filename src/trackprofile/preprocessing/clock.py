@@ -45,7 +45,7 @@ class Mended:
     notes: tuple[str, ...]
 
 
-def mend(time: Array, driven: Array | None = None, speed: Array | None = None) -> Mended:
+def repair_clock(time: Array, driven: Array | None = None, speed: Array | None = None) -> Mended:
     """A clock's stamps, (n,) in s, made to increase.
 
     Stamps that are missing lie evenly between those beside them, and stamps that are coarser than the sampling are

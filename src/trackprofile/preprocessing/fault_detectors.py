@@ -159,7 +159,7 @@ def _departure(values: Array, width: int) -> Array:
     return departure
 
 
-def far(values: Array) -> Mask:
+def outlying(values: Array) -> Mask:
     """Samples ``FAR`` times farther from their block's median than is usual there, and in half of all blocks.
 
     Examples

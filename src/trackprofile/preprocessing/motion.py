@@ -117,7 +117,7 @@ def deviation_of_counting(speed: Array, time: Array) -> Array | None:
     return np.sqrt(np.interp(time, edges, variance))
 
 
-def filled(speed: Array, at: Array) -> Array:
+def fill_speed(speed: Array, at: Array) -> Array:
     """Speed (m/s) over time (s) or distance (m), with its missing values, NaN, on a smooth way between the others.
 
     The way goes through means of the known values, monotonously from each to the next, and holds the first and the

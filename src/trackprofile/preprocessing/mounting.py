@@ -24,7 +24,7 @@ TOO_FAR = 5.0
 
 
 @dataclass(frozen=True)
-class Upright:
+class MountingCorrection:
     """A signal, (n,), upwards and without gravity or a great offset.
 
     ``said`` tells what was done, "" if nothing; ``doubt`` is the relative standard deviation of a gain that was
@@ -37,7 +37,7 @@ class Upright:
     by_gravity: bool = False
 
 
-def freed_of_gravity(channel: Channel, valid: NDArray[np.bool_]) -> Upright:
+def correct_mounting(channel: Channel, valid: NDArray[np.bool_]) -> MountingCorrection:
     """What an accelerometer's mean says of how it is mounted, put right.
 
     At rest an accelerometer that measures upwards reads +g, one that hangs upside down -g, and one at an angle ε to
@@ -53,18 +53,18 @@ def freed_of_gravity(channel: Channel, valid: NDArray[np.bool_]) -> Upright:
     values = np.asarray(channel.values, np.float64)
     mean = float(np.median(values[valid]))
     if abs(mean) <= TOO_FAR * OFFSET[channel.quantity]:
-        return Upright(values)
+        return MountingCorrection(values)
     share = abs(mean) / STANDARD_GRAVITY
     if channel.quantity != VERTICAL_ACCELERATION or share < GRAVITY:
-        return Upright(
+        return MountingCorrection(
             values - mean, f"{channel.name!r} has an offset of {mean:.3g}, taken off: check it"
         )
     said = f"{channel.name!r} reads gravity, {mean:.3g} m/s²: "
     turned = "turned upside down, and " if mean < 0 else ""
     if share > 1.0 - UPRIGHT:
         put_right = np.sign(mean) * (values - mean)
-        return Upright(put_right, f"{said}{turned}taken off", by_gravity=True)
+        return MountingCorrection(put_right, f"{said}{turned}taken off", by_gravity=True)
     angle = np.degrees(np.arccos(share))
     said += f"{turned}taken off, and corrected for {angle:.0f}° between the sensor and the vertical"
     doubt = OFFSET[channel.quantity] / (share * STANDARD_GRAVITY)
-    return Upright(np.sign(mean) * (values - mean) / share, said, doubt, by_gravity=True)
+    return MountingCorrection(np.sign(mean) * (values - mean) / share, said, doubt, by_gravity=True)

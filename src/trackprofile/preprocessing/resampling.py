@@ -25,7 +25,7 @@ class Series:
     values: Array
 
 
-def on_one_base(
+def resample_to_one_clock(
     sensors: Mapping[str, Series], motion: Mapping[str, Series]
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """All stamps of the sensors together, s; the sensors at them, NaN between their own; the motion, interpolated.

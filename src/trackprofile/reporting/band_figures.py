@@ -14,7 +14,7 @@ from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.levels import BandLevel, not_assessed
 from trackprofile.assessment.tables import words
 from trackprofile.bands import resample
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ POST_EVERY = 10.0
 """m between the places whose kilometrage the page knows."""
 
 
-def chart_data(found: Assessment, way: Way, beside: Assessment | None) -> dict[str, Any]:
+def chart_data(found: Assessment, way: ChainageTable, beside: Assessment | None) -> dict[str, Any]:
     """All of the charts, ready for JSON.
 
     Parameters

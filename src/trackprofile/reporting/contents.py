@@ -10,9 +10,9 @@ import numpy as np
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.limits import KM_H
 from trackprofile.assessment.sections import Section
-from trackprofile.assessment.trend import Changes
+from trackprofile.assessment.trend import Trend
 from trackprofile.bands import edge_distance
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 
 _MILLI = 1e3
 
@@ -34,12 +34,12 @@ class Report:
 
     title: str
     assessment: Assessment
-    way: Way
+    way: ChainageTable
     sources: Mapping[str, str]
     version: str
     beside: Assessment | None = None
     beside_name: str = ""
-    changes: Changes | None = None
+    changes: Trend | None = None
 
 
 def method(report: Report) -> dict[str, str]:
@@ -122,7 +122,7 @@ def _same_sections(
     ]
 
 
-def _defects_both(found: Assessment, other: Assessment, way: Way) -> list[str]:
+def _defects_both(found: Assessment, other: Assessment, way: ChainageTable) -> list[str]:
     def calling(one: Assessment) -> list[tuple[str, float, float, str]]:
         return [(d.band, d.start, d.end, way.name(d.peak)) for d in one.defects if d.likely]
 

@@ -16,7 +16,7 @@ from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.levels import BandLevel, not_assessed
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import words
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.reporting.contents import Report, differences, method
 from trackprofile.reporting.summary import changes_summary, headline, percent, summary
 
@@ -63,7 +63,7 @@ def _words(report: Report) -> Iterator[Figure]:
         yield page
 
 
-def _strips(found: Assessment, way: Way) -> Iterator[Figure]:
+def _strips(found: Assessment, way: ChainageTable) -> Iterator[Figure]:
     levels = list(found.levels.values())[:BANDS]
     starts = np.arange(np.floor(found.start / STRIP) * STRIP, found.end, STRIP)
     for first in range(0, len(starts), STRIPS):
@@ -80,7 +80,9 @@ def _strips(found: Assessment, way: Way) -> Iterator[Figure]:
         yield page
 
 
-def _strip(axes: Axes, level: BandLevel, found: Assessment, way: Way, start: float) -> None:
+def _strip(
+    axes: Axes, level: BandLevel, found: Assessment, way: ChainageTable, start: float
+) -> None:
     inside = slice(*np.searchsorted(level.distance, [start, start + STRIP]))
     x, y, s = level.distance[inside], 1e3 * level.level[inside], 1e3 * level.deviation[inside]
     axes.fill_between(x, y - 1.96 * s, y + 1.96 * s, color="#56B4E9", alpha=0.5, linewidth=0)
@@ -122,7 +124,7 @@ def _tables(report: Report) -> Iterator[Figure]:
     yield from _table("Sections", heads, sections)
 
 
-def _row(one: Defect, way: Way) -> list[str]:
+def _row(one: Defect, way: ChainageTable) -> list[str]:
     chances = [
         percent(one.probabilities[action]) if action in one.probabilities else "–"
         for action in Action

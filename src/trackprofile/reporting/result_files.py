@@ -22,7 +22,7 @@ from trackprofile.reporting.figures import (
     write_html,
     write_png,
 )
-from trackprofile.scenario import SOURCE, Made
+from trackprofile.scenario import SOURCE, SimulatedRun
 
 
 class Inferred(Protocol):
@@ -101,7 +101,7 @@ def _as_taken(recording: xr.Dataset, taken: Mapping[str, NDArray[np.float64]]) -
     return shown
 
 
-def made_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Path, Path]:
+def simulation_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Path, Path]:
     """The files that `write_made` would write: recording, truth, and a page and picture beside the recording.
 
     Raises
@@ -132,8 +132,8 @@ def made_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Pa
     return files
 
 
-def write_made(
-    made: Made, recording: str | Path, truth: str | Path, title: str
+def write_simulation(
+    made: SimulatedRun, recording: str | Path, truth: str | Path, title: str
 ) -> tuple[Path, Path, Path, Path]:
     """Write what a scenario made: all four files, or none.
 
@@ -141,7 +141,7 @@ def write_made(
     ------
     FileError : as of `made_files`.
     """
-    files = made_files(recording, truth)
+    files = simulation_files(recording, truth)
     drawn = (made.truth, made.recording, made.simulation, title)
     page, picture = ride_figure(*drawn), ride_picture(*drawn)
     with whole_files(*files[1:]) as (truth_file, page_file, picture_file):
@@ -153,7 +153,7 @@ def write_made(
     return files
 
 
-def made_summary(made: Made, changes: Mapping[str, float]) -> dict[str, Any]:
+def simulation_summary(made: SimulatedRun, changes: Mapping[str, float]) -> dict[str, Any]:
     """A simulation in a few numbers, for JSON; ``changes`` are those at half the step, by sensor."""
     simulation = made.simulation
     return {

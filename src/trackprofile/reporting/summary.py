@@ -9,8 +9,8 @@ from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.limits import KM_H, Action
 from trackprofile.assessment.tables import words
-from trackprofile.assessment.trend import ChangedPlace, Changes
-from trackprofile.positioning.chainage import Way
+from trackprofile.assessment.trend import ChangedLocation, Trend
+from trackprofile.positioning.chainage import ChainageTable
 
 NAMED = 5
 """Places that are named in a sentence; all are in the table."""
@@ -18,7 +18,7 @@ NAMED = 5
 _MILLI = 1e3
 
 
-def summary(found: Assessment, way: Way) -> list[str]:
+def summary(found: Assessment, way: ChainageTable) -> list[str]:
     """What a track engineer wants to know first, gravest first.
 
     Examples
@@ -49,7 +49,7 @@ def summary(found: Assessment, way: Way) -> list[str]:
 
 
 def _called_for(
-    action: Action, defects: Sequence[Defect], found: Assessment, way: Way
+    action: Action, defects: Sequence[Defect], found: Assessment, way: ChainageTable
 ) -> list[str]:
     verb = "calls" if len(defects) == 1 else "call"
     kind = {Action.ALERT: "an alert"}.get(action, action.words)
@@ -64,7 +64,7 @@ def _places(count: int) -> str:
     return "1 place" if count == 1 else f"{count} places"
 
 
-def _named(defects: Sequence[Defect], way: Way) -> str:
+def _named(defects: Sequence[Defect], way: ChainageTable) -> str:
     gravest = sorted(defects, key=gravity, reverse=True)
     text = "; ".join(_place(one, way) for one in gravest[:NAMED])
     rest = len(defects) - NAMED
@@ -76,7 +76,7 @@ def gravity(one: Defect) -> tuple[float, float]:
     return float(one.likely or 0), abs(one.height) / min(one.limits.heights.values())
 
 
-def _place(one: Defect, way: Way) -> str:
+def _place(one: Defect, way: ChainageTable) -> str:
     action = one.likely or min(one.probabilities)
     way_up = "up" if one.height > 0 else "down"
     size = f"{abs(_MILLI * one.height):.1f}"
@@ -102,7 +102,7 @@ def percent(probability: float) -> str:
     return "<1 %" if 0 < probability < 0.005 else f"{100 * probability:.0f} %"
 
 
-def _classes(found: Assessment, way: Way) -> list[str]:
+def _classes(found: Assessment, way: ChainageTable) -> list[str]:
     said = []
     for band in found.levels:
         ones = [
@@ -140,7 +140,7 @@ def _judged(found: Assessment) -> list[str]:
     return [f"Judged: {shares} of the length; the rest is listed with its reasons."]
 
 
-def headline(found: Assessment, way: Way) -> str:
+def headline(found: Assessment, way: ChainageTable) -> str:
     """From where to where, and at which speed."""
     return (
         f"{(found.end - found.start) / _MILLI:.3g} km, {way.name(found.start)} to {way.name(found.end)}, run "
@@ -148,7 +148,7 @@ def headline(found: Assessment, way: Way) -> str:
     )
 
 
-def changes_summary(found: Changes, way: Way) -> list[str]:
+def changes_summary(found: Trend, way: ChainageTable) -> list[str]:
     """What changed between passes, gravest first."""
     first, last = found.passes[0], found.passes[-1]
     span = f"from {first[1]} ({first[0]}) to {last[1]} ({last[0]})"
@@ -171,7 +171,7 @@ def changes_summary(found: Changes, way: Way) -> list[str]:
     return said
 
 
-def change_words(one: ChangedPlace, way: Way) -> str:
+def change_words(one: ChangedLocation, way: ChainageTable) -> str:
     """Of one place: how much, how fast, until when."""
     text = f"{way.name(one.peak)} ({one.band}, {_MILLI * one.change:+.2f} ± {1.96 * _MILLI * one.deviation:.2f} mm"
     if one.per_day is not None and one.per_day_deviation is not None:

@@ -12,7 +12,7 @@ from trackprofile.reproduction import noise_study as noise
 from trackprofile.reproduction import open_settings, searches
 from trackprofile.reproduction import paper_tables as tables
 from trackprofile.reproduction import reproduction_html as page
-from trackprofile.reproduction.parts import Section
+from trackprofile.reproduction.parts import PageSection
 
 TITLE = "Longitudinal profile from vehicle-based inertial readings: the paper reproduced"
 INTRODUCTION = (
@@ -50,24 +50,24 @@ def reproduce(folder: str | Path, progress: Progress | None = None) -> tuple[Pat
     return paths
 
 
-def computed(progress: Progress) -> tuple[Section, ...]:
+def computed(progress: Progress) -> tuple[PageSection, ...]:
     """All sections, in the order of the page."""
-    found: dict[str, tuple[Section, ...]] = {}
+    found: dict[str, tuple[PageSection, ...]] = {}
     taken: dict[str, tuple[str, float, float]] = {}
 
-    def bell() -> tuple[Section, ...]:
+    def bell() -> tuple[PageSection, ...]:
         section, rates = searches.inverted_bell()
         for name, rate in rates.items():
             taken[f"O on Model A, {name}"] = ("Model A", rate, 1 / 30.0)
         return (section,)
 
-    def noisy() -> tuple[Section, ...]:
+    def noisy() -> tuple[PageSection, ...]:
         section, rates = noise.noisy_profiles()
         for name, rate in rates.items():
             taken[f"O_t on Model B, {name}"] = ("Model B", rate, 3.6 / 150.0)
         return (section,)
 
-    parts: tuple[tuple[str, Callable[[], tuple[Section, ...]]], ...] = (
+    parts: tuple[tuple[str, Callable[[], tuple[PageSection, ...]]], ...] = (
         ("tables", tables.settings),
         ("figure 3", lambda: (noise.profiles(),)),
         ("figures 10 to 12", searches.convergence),

@@ -28,7 +28,7 @@ from trackprofile.models.sensor_errors import Instrument, measure
 from trackprofile.models.track import Track
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import Run, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, felt, simulate
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def model(case: Case) -> Trial:
 
 def finely_ridden(case: Case) -> Array:
     """The same at an eighth of the step, by the forward model of `trackprofile simulate`."""
-    run = Run(case.start, float(case.position[-1]), steady(case.speed), run_in=1.0)
+    run = RunSettings(case.start, float(case.position[-1]), steady(case.speed), run_in=1.0)
     done = simulate(case.vehicle, case.track, case.irregularity, run, newmark(case.step / FINER))
     signals = [felt(done, case.vehicle, sensor) for sensor in case.sensors]
     return np.stack(signals, axis=1)[::FINER][: case.scans + 1]

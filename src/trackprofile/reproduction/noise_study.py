@@ -21,7 +21,7 @@ from trackprofile.reproduction.cases import (
     ridden,
     settlement,
 )
-from trackprofile.reproduction.parts import Cell, Panel, Section, Table
+from trackprofile.reproduction.parts import Cell, FigurePanel, PageSection, Table
 from trackprofile.reproduction.studies import (
     Searched,
     finely_led,
@@ -39,7 +39,7 @@ REALISATIONS = 10
 GRADES: tuple[str, ...] = ("none", "A", "B", "C")
 
 
-def profiles() -> Section:
+def profiles() -> PageSection:
     """Figure 3: three random profiles, and their spectra against equation 8."""
     place = np.linspace(0.0, 5000.0, 20_001)
     levels: dict[str, tuple[Array, Array]] = {}
@@ -59,17 +59,17 @@ def profiles() -> Section:
         rows.append((grade, due, 1e3 * float(r.std()), 1e3 * float(r.std()) / due))
     heads = ("class", "standard deviation by equation 8, mm", "of 5 km of profile, mm", "ratio")
     panels = (
-        Panel("distance, m", "elevation, mm", levels),
-        Panel("Ω, rad/m", "S, m² per rad/m", spectra, "xy"),
+        FigurePanel("distance, m", "elevation, mm", levels),
+        FigurePanel("Ω, rad/m", "S, m² per rad/m", spectra, "xy"),
     )
     text = (
         f"The paper does not say which wavelengths its profiles have; these have {SHORTEST:g} m to {LONGEST:g} m.",
     )
     title = "Figure 3: random profiles and their spectra"
-    return Section("figure-3", title, text, Table(heads, tuple(rows)), panels)
+    return PageSection("figure-3", title, text, Table(heads, tuple(rows)), panels)
 
 
-def sensors() -> tuple[Section, Section]:
+def sensors() -> tuple[PageSection, PageSection]:
     """Figures 15 and 16: one-sided spectra of the noise, of the model and of two minutes made from it."""
     accelerometers = {f"accelerometer {name}": instruments(name)[0] for name in ("A", "B", "C")}
     text = (
@@ -85,7 +85,7 @@ def sensors() -> tuple[Section, Section]:
 
 def _densities(
     key: str, title: str, text: tuple[str, ...], shown: dict[str, Instrument], unit: str
-) -> Section:
+) -> PageSection:
     interval, lines, rows = 2e-3, {}, []
     for name, one in shown.items():
         f, density = welch(
@@ -98,11 +98,11 @@ def _densities(
         white = one.sensor.noise_density or 0.0
         rows.append((name, unit, white, float(np.sqrt(np.mean(density[f > 50]))), one.source))
     heads = ("sensor", "unit", "white noise", "made, above 50 Hz", "source")
-    panel = Panel("frequency, Hz", f"noise, {unit}", lines, "xy")
-    return Section(key, title, text, Table(heads, tuple(rows)), (panel,))
+    panel = FigurePanel("frequency, Hz", f"noise, {unit}", lines, "xy")
+    return PageSection(key, title, text, Table(heads, tuple(rows)), (panel,))
 
 
-def noisy_profiles() -> tuple[Section, dict[str, float]]:
+def noisy_profiles() -> tuple[PageSection, dict[str, float]]:
     """Figure 17, and the s per metre of the variants without noise."""
     rows: list[tuple[Cell, ...]] = []
     panels, rates = [], {}
@@ -129,7 +129,7 @@ def noisy_profiles() -> tuple[Section, dict[str, float]]:
             least = limits(case, read_spectrum(grade), fitted)
             rows.append((grade, level, "limit", None, None, None, least["D1"], least["D2"]))
             lines[f"smoother, noise {level}"] = place, 1e3 * np.abs(flat)
-        panels.append(Panel("distance, m", f"size of the error on {grade}, mm", lines, "y"))
+        panels.append(FigurePanel("distance, m", f"size of the error on {grade}, mm", lines, "y"))
     text = (
         "The search runs on signals of its own model with noise added, as in the paper. An error of it comes back when "
         "the second wheel of the bogie reaches it 2.5 m later, a little larger (see “Left open”): noise sets it off, "
@@ -145,7 +145,7 @@ def noisy_profiles() -> tuple[Section, dict[str, float]]:
         "class", "noise", "what", "largest error to 50 m, mm", "to 200 m, mm", "stopped at, m", "D1, mm", "D2, mm",
     )  # fmt: skip
     title = "Figure 17: FRA classes 4 to 6, Model B, with noise"
-    return Section("figure-17", title, text, Table(heads, tuple(rows)), tuple(panels)), rates
+    return PageSection("figure-17", title, text, Table(heads, tuple(rows)), tuple(panels)), rates
 
 
 def _error_row(done: Searched) -> tuple[Cell, ...]:
@@ -160,7 +160,7 @@ def _worst(place: Array, error: Array, until: float = np.inf) -> float:
     return 1e3 * float(np.abs(error[place <= until]).max())
 
 
-def settled() -> Section:
+def settled() -> PageSection:
     """Figure 18: the settlement of 40 mm, its depth and place, over realisations of the noise."""
     case = settlement()
     fitted, fine, own = instruments("C"), finely_led(case), ridden(case)
@@ -201,9 +201,9 @@ def settled() -> Section:
         "What differs from 40 mm and 100 m in the truth's own row is the irregularity of class 4 within these 80 m, "
         "which no method can tell from the settlement.",
     )
-    panel = Panel("distance, m", "elevation, mm", lines)
+    panel = FigurePanel("distance, m", "elevation, mm", lines)
     title = "Figure 18: a settlement of 40 mm, Model B"
-    return Section("figure-18", title, text, Table(heads, tuple(rows)), (panel,))
+    return PageSection("figure-18", title, text, Table(heads, tuple(rows)), (panel,))
 
 
 def dip(place: Array, elevation: Array, width: float = 10.0) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objectiv
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.reproduction.cases import bell, model_b, ridden
 from trackprofile.reproduction.paper_tables import median_generations
-from trackprofile.reproduction.parts import Cell, Section, Table
+from trackprofile.reproduction.parts import Cell, PageSection, Table
 from trackprofile.reproduction.studies import growth, search, shorter
 
 UNSTABLE = 60.0
@@ -19,7 +19,7 @@ UNSTABLE = 60.0
 SEEDS = 10
 
 
-def left_open() -> Section:
+def left_open() -> PageSection:
     """The settings, one row each, with the measurement that they were chosen by."""
     rows = (*_growths(), *_thresholds(), *_smoothing(), *_assumed())
     text = (
@@ -31,7 +31,7 @@ def left_open() -> Section:
         "equation 12 let the acceleration decide.",
     )
     heads = ("setting", "chosen", "other", "measured", "chosen gives", "other gives")
-    return Section("left-open", "Left open by the paper", text, Table(heads, rows))
+    return PageSection("left-open", "Left open by the paper", text, Table(heads, rows))
 
 
 def _growths() -> tuple[tuple[Cell, ...], ...]:

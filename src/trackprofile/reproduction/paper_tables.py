@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
-from trackprofile.methods.cross_entropy.estimator import Found
+from trackprofile.methods.cross_entropy.estimator import CrossEntropyResult
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Search
 from trackprofile.models.track import LayeredTrack
 from trackprofile.models.vehicle import parameter_values
-from trackprofile.reproduction.parts import Section, Table, beside
+from trackprofile.reproduction.parts import PageSection, Table, beside
 
 PAPERS_RATE = {"Model A": 45.0, "Model B": 100.0}
 """s per metre: "approximately 45 s/m", "over 100 s/m"."""
 
 
-def settings() -> tuple[Section, ...]:
+def settings() -> tuple[PageSection, ...]:
     """Tables 1 to 6."""
     return (_table_1(), _table_2(), _table_3(), _table_4(), *_tables_5_and_6())
 
 
-def _table_1() -> Section:
+def _table_1() -> PageSection:
     ours = parameter_values(read_vehicle("quarter-car")[0])
     printed = {
         "body mass": ("m_1, kg", 7900.0),
@@ -31,10 +31,10 @@ def _table_1() -> Section:
         "primary stiffness": ("k_2, N/m", 5e5),
     }
     rows = [(name, unit, paper, ours[name]) for name, (unit, paper) in printed.items()]
-    return Section("table-1", "Table 1: Model A, the quarter car", (), beside(rows))
+    return PageSection("table-1", "Table 1: Model A, the quarter car", (), beside(rows))
 
 
-def _table_2() -> Section:
+def _table_2() -> PageSection:
     vehicle, _ = read_vehicle("velaro")
     ours = parameter_values(vehicle)
     printed = {
@@ -55,10 +55,10 @@ def _table_2() -> Section:
         ("distance between bogies", "L_v, m", 17.375, trailing.position - leading.position),
         ("distance between axles", "L_b, m", 2.5, second.position - first.position),
     ]
-    return Section("table-2", "Table 2: Model B, the whole car", (), beside(rows))
+    return PageSection("table-2", "Table 2: Model B, the whole car", (), beside(rows))
 
 
-def _table_3() -> Section:
+def _table_3() -> PageSection:
     track = read_track("zhai-layered")
     assert isinstance(track, LayeredTrack)
     support = track.support
@@ -75,10 +75,10 @@ def _table_3() -> Section:
         ("sub-ballast's stiffness", "k_sb, N/m", 77.5e6, support.subballast_stiffness),
     ]  # fmt: skip
     text = ("The paper gives the sub-ballast no damping, and so it has none here.",)
-    return Section("table-3", "Table 3: the track", text, beside(rows))
+    return PageSection("table-3", "Table 3: the track", text, beside(rows))
 
 
-def _table_4() -> Section:
+def _table_4() -> PageSection:
     rows = []
     for grade, amplitude in (("4", 2.39e-5), ("5", 9.35e-6), ("6", 1.5e-6)):
         spectrum = read_spectrum(f"fra-{grade}")
@@ -91,10 +91,10 @@ def _table_4() -> Section:
         "The paper prints rad/s for Ω_r and Ω_c, and no unit for A_v; they are rad/m and m² rad/m. S(Ω) is taken as "
         "one-sided in Ω, so that its integral over Ω above 0 is the variance.",
     )
-    return Section("table-4", "Table 4: FRA classes", text, beside(rows))
+    return PageSection("table-4", "Table 4: FRA classes", text, beside(rows))
 
 
-def _tables_5_and_6() -> tuple[Section, Section]:
+def _tables_5_and_6() -> tuple[PageSection, PageSection]:
     text = (
         "The threshold is printed without a unit: it is read as mm² here, for reasons under “Left open”.",
     )
@@ -103,7 +103,7 @@ def _tables_5_and_6() -> tuple[Section, Section]:
     for (number, paper), ours in zip(printed.items(), (TABLE_5, TABLE_6), strict=True):
         rows = [row for row in zip(*_rows(ours), paper, _values(ours), strict=True) if row[2] != 0]
         title = f"Table {number}: the search on Model {'A' if number == 5 else 'B'}"
-        sections.append(Section(f"table-{number}", title, text, beside(rows)))
+        sections.append(PageSection(f"table-{number}", title, text, beside(rows)))
     return sections[0], sections[1]
 
 
@@ -122,7 +122,7 @@ def _values(search: Search) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-def rates(taken: dict[str, tuple[str, float, float]]) -> Section:
+def rates(taken: dict[str, tuple[str, float, float]]) -> PageSection:
     """Seconds per metre; ``taken`` has the paper's model, ours and the train's (s/m) by what was searched."""
     rows = [
         (what, PAPERS_RATE[model], ours, ours / PAPERS_RATE[model], train / ours)
@@ -133,10 +133,10 @@ def rates(taken: dict[str, tuple[str, float, float]]) -> Section:
         "The paper: a 2.67 GHz processor, MATLAB, a simulation for each trial profile. Here: one core, the affine map "
         "of each window. The times are of this run and this machine.",
     )
-    return Section("speed", "Speed", text, Table(heads, tuple(rows)))
+    return PageSection("speed", "Speed", text, Table(heads, tuple(rows)))
 
 
-def median_generations(found: Found, run: int) -> float:
+def median_generations(found: CrossEntropyResult, run: int) -> float:
     """Median over the phases of the generations of their first (0), second (1) … run."""
     return float(
         np.median([len(one.runs[run].objective) for one in found.phases if len(one.runs) > run])

@@ -22,7 +22,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Panel:
+class FigurePanel:
     """Lines over a common axis.
 
     Parameters
@@ -39,7 +39,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A table or figure of the paper, and ours beside it.
 
     Parameters
@@ -52,7 +52,7 @@ class Section:
     title: str
     text: tuple[str, ...]
     table: Table | None = None
-    panels: tuple[Panel, ...] = ()
+    panels: tuple[FigurePanel, ...] = ()
 
 
 def ratio(ours: float, paper: float) -> float:

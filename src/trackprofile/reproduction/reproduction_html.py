@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from plotly.io import to_html
 from plotly.offline import get_plotlyjs
 
-from trackprofile.reproduction.parts import Cell, Panel, Section, Table
+from trackprofile.reproduction.parts import Cell, FigurePanel, PageSection, Table
 
 STYLE = """
 body { font: 16px/1.5 system-ui, Helvetica, Arial, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto;
@@ -24,7 +24,7 @@ td.number { text-align: right; font-variant-numeric: tabular-nums; } nav a { mar
 PANEL = 340  # px
 
 
-def html(title: str, introduction: Sequence[str], sections: Sequence[Section]) -> str:
+def html(title: str, introduction: Sequence[str], sections: Sequence[PageSection]) -> str:
     """The whole page as text, the plotting library within it."""
     links = "".join(f'<a href="#{one.key}">{escape(_named(one.key))}</a> ' for one in sections)
     return (
@@ -35,7 +35,7 @@ def html(title: str, introduction: Sequence[str], sections: Sequence[Section]) -
     )
 
 
-def files(section: Section) -> dict[str, str]:
+def files(section: PageSection) -> dict[str, str]:
     """The text of its CSV files, by name."""
     found = {}
     if section.table:
@@ -56,7 +56,7 @@ def _named(key: str) -> str:
     return key.replace("-", " ").capitalize()
 
 
-def _section(section: Section) -> str:
+def _section(section: PageSection) -> str:
     head = f'<h2 id="{section.key}">{escape(section.title)}</h2>'
     table = _table(section.table) if section.table else ""
     return head + _paragraphs(section.text) + table + "".join(map(_figure, section.panels))
@@ -80,7 +80,7 @@ def _cell(cell: Cell) -> str:
     return f'<td class="number">{cell:.4g}</td>'
 
 
-def _figure(panel: Panel) -> str:
+def _figure(panel: FigurePanel) -> str:
     figure = go.Figure(
         [go.Scatter(x=x, y=y, name=name, mode="lines") for name, (x, y) in panel.lines.items()]
     )

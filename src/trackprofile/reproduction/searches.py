@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.io.model_toml import read_spectrum
-from trackprofile.methods.cross_entropy.estimator import Found, Phase
+from trackprofile.methods.cross_entropy.estimator import CrossEntropyResult, Phase
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Search, Variant
 from trackprofile.reproduction.cases import (
     CLASSES,
@@ -20,7 +20,7 @@ from trackprofile.reproduction.cases import (
     ridden,
 )
 from trackprofile.reproduction.paper_tables import median_generations
-from trackprofile.reproduction.parts import Cell, Panel, Section, Table, ratio
+from trackprofile.reproduction.parts import Cell, FigurePanel, PageSection, Table, ratio
 from trackprofile.reproduction.studies import (
     Searched,
     finely_led,
@@ -40,7 +40,7 @@ PHASES_OVER = 60.0
 """m over which phases are counted, before Model B's errors have grown."""
 
 
-def convergence() -> tuple[Section, Section, Section]:
+def convergence() -> tuple[PageSection, PageSection, PageSection]:
     """Figures 10 to 12."""
     on_a = shorter(model_a("fra-4"), 0.5 * PHASES_OVER)
     on_b = shorter(model_b("fra-4"), PHASES_OVER)
@@ -67,7 +67,7 @@ def convergence() -> tuple[Section, Section, Section]:
     )  # fmt: skip
 
 
-def _both(case: Case, settings: Search) -> dict[Variant, Found]:
+def _both(case: Case, settings: Search) -> dict[Variant, CrossEntropyResult]:
     signals = ridden(case)
     return {
         variant: search(case, signals, replace(settings, variant=variant)).found
@@ -76,9 +76,9 @@ def _both(case: Case, settings: Search) -> dict[Variant, Found]:
 
 
 def _section(
-    key: str, title: str, done: dict[Variant, Found], paper: tuple[int, int],
+    key: str, title: str, done: dict[Variant, CrossEntropyResult], paper: tuple[int, int],
     more: list[tuple[Cell, ...]], *said: str,
-) -> Section:  # fmt: skip
+) -> PageSection:  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
     objective: dict[str, tuple[Array, Array]] = {}
     values: dict[str, tuple[Array, Array]] = {}
@@ -95,15 +95,15 @@ def _section(
         objective[variant.value] = generation, each
         values[variant.value] = generation, 1e6 * np.concatenate([run.convergence for run in one.runs])  # fmt: skip
     panels = (
-        Panel("generation", "O of the best profile", objective, "y"),
-        Panel("generation", "convergence value, mm²", values, "y"),
+        FigurePanel("generation", "O of the best profile", objective, "y"),
+        FigurePanel("generation", "convergence value, mm²", values, "y"),
     )
     drawn = "Drawn is a phase of two runs whose first has the median number of generations."
     heads = ("what", "paper", "ours", "ratio")
-    return Section(key, title, (*said, drawn), Table(heads, (*rows, *more)), panels)
+    return PageSection(key, title, (*said, drawn), Table(heads, (*rows, *more)), panels)
 
 
-def _typical(found: Found) -> Phase:
+def _typical(found: CrossEntropyResult) -> Phase:
     """A phase of two runs whose first took the median number of generations, or nearly."""
     middle = median_generations(found, 0)
     return min(
@@ -112,7 +112,7 @@ def _typical(found: Found) -> Phase:
     )
 
 
-def inverted_bell() -> tuple[Section, dict[str, float]]:
+def inverted_bell() -> tuple[PageSection, dict[str, float]]:
     """Figure 13, and the s per metre of the variants."""
     case = bell()
     signals = ridden(case)
@@ -148,9 +148,9 @@ def inverted_bell() -> tuple[Section, dict[str, float]]:
         "smoother": (place, 1e3 * flat),
     }
     panels = (
-        Panel("distance, m", "elevation, mm", profiles),
-        Panel("distance, m", "error, mm", errors),
-        Panel("distance, m", "bogie acceleration, m/s²", {"signal": (case.position, signals[:, 0])}),
+        FigurePanel("distance, m", "elevation, mm", profiles),
+        FigurePanel("distance, m", "error, mm", errors),
+        FigurePanel("distance, m", "bogie acceleration, m/s²", {"signal": (case.position, signals[:, 0])}),
     )  # fmt: skip
     text = (
         "The search is told that the vehicle stands on level track at the start, and that the sensor has no offset. "
@@ -160,7 +160,7 @@ def inverted_bell() -> tuple[Section, dict[str, float]]:
     )
     heads = ("largest error", "paper, mm", "ours, mm", "ratio")
     title = "Figure 13: the inverted bell, Model A"
-    section = Section("figure-13", title, text, Table(heads, rows), panels)
+    section = PageSection("figure-13", title, text, Table(heads, rows), panels)
     return section, {"literal": literal.rate, "covariance": covariance.rate}
 
 
@@ -168,7 +168,7 @@ def _against(ours: float, paper: float = 0.018) -> tuple[float, float, float]:
     return paper, ours, ours / paper
 
 
-def random_profiles() -> Section:
+def random_profiles() -> PageSection:
     """Figure 14."""
     rows: list[tuple[Cell, ...]] = []
     errors: dict[str, tuple[Array, Array]] = {}
@@ -189,9 +189,9 @@ def random_profiles() -> Section:
         "numbers. The search runs on signals of its own model, the smoother on those of the fine simulation.",
     )
     heads = ("what", "largest error, mm", "error at the end, mm", "D1, mm", "D2, mm")
-    panel = Panel("distance, m", "size of the error, mm", errors, "y")
+    panel = FigurePanel("distance, m", "size of the error, mm", errors, "y")
     title = "Figure 14: FRA classes 4 to 6, Model A"
-    return Section("figure-14", title, text, Table(heads, tuple(rows)), (panel,))
+    return PageSection("figure-14", title, text, Table(heads, tuple(rows)), (panel,))
 
 
 def _row(what: str, place: Array, error: Array) -> tuple[Cell, ...]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.inference.accuracy_limit import limit
+from trackprofile.inference.accuracy_bound import accuracy_bound
 from trackprofile.inference.infer import Estimate, estimate
-from trackprofile.methods.cross_entropy.estimator import Found, cross_entropy, weights
+from trackprofile.methods.cross_entropy.estimator import CrossEntropyResult, cross_entropy, weights
 from trackprofile.methods.cross_entropy.forward_model import trial
 from trackprofile.methods.cross_entropy.search import Search
 from trackprofile.models.integrate import Scheme
@@ -30,14 +30,14 @@ GRID = 0.25
 class Searched:
     """A case searched by cross-entropy: elevation minus truth (m) at ``place`` (m), and s per metre."""
 
-    found: Found
+    found: CrossEntropyResult
     place: Array
     error: Array
     rate: float
 
 
 @dataclass(frozen=True)
-class Smoothed:
+class SmootherStudy:
     """The smoother's estimate, and elevation minus truth (m) at ``place`` (m), less a parabola."""
 
     found: Estimate
@@ -66,7 +66,7 @@ def finely_led(case: Case) -> Array:
 
 def smoothed(
     case: Case, signals: Array, instruments: Sequence[Instrument] = (), seed: int = 0
-) -> Smoothed:
+) -> SmootherStudy:
     """The smoother on what the fine simulation gives (of `finely_led`) and the instruments make of it."""
     recording = recorded(with_lead(case), signals, instruments, seed)
     found = estimate(
@@ -75,7 +75,7 @@ def smoothed(
     place = found.profile["distance"].to_numpy()
     error = found.profile["elevation"].to_numpy() - case.irregularity.at(place)[0]
     inside = (place >= case.start) & (place <= case.position[-1])
-    return Smoothed(found, place[inside], without_parabola(place[inside], error[inside]))
+    return SmootherStudy(found, place[inside], without_parabola(place[inside], error[inside]))
 
 
 def in_bands(place: Array, error: Array) -> dict[str, float | None]:
@@ -101,7 +101,7 @@ def without_parabola(place: Array, error: Array) -> Array:
 def limits(case: Case, prior: Spectrum, instruments: Sequence[Instrument] = ()) -> dict[str, float]:
     """The least possible error in D1 and D2, mm, with what noise the sensors state."""
     sensors = tuple(one.sensor for one in instruments) or case.sensors
-    found = limit(case.vehicle, case.track, sensors, case.speed, prior, BANDS[:2])
+    found = accuracy_bound(case.vehicle, case.track, sensors, case.speed, prior, BANDS[:2])
     return {band: 1e3 * value for band, value in found.items()}
 
 

@@ -19,8 +19,13 @@ from trackprofile import __version__
 from trackprofile.errors import DataError, FileError
 from trackprofile.server.endpoints import UnchangedError, endpoints
 from trackprofile.server.line_catalogue import Catalogue, UnknownError
-from trackprofile.server.security import LARGEST_BODY, Gate, Rules, may_read
-from trackprofile.server.session import COOKIE, LASTS, knows, new_session
+from trackprofile.server.security import (
+    LARGEST_BODY,
+    SecurityMiddleware,
+    SecuritySettings,
+    may_read,
+)
+from trackprofile.server.session import COOKIE, LASTS, new_session, session_is_valid
 from trackprofile.server.static_files import page_files
 from trackprofile.store import Store
 
@@ -36,7 +41,7 @@ class Login(BaseModel):
     token: str = Field(min_length=1, max_length=LARGEST_BODY)
 
 
-def page_app(store: Store, rules: Rules) -> ASGIApp:
+def page_app(store: Store, rules: SecuritySettings) -> ASGIApp:
     """The page over a store, and its figures as JSON, behind the gate.
 
     Parameters
@@ -65,7 +70,7 @@ def page_app(store: Store, rules: Rules) -> ASGIApp:
     _add_files(app)
     _add_login(app, rules.token)
     _add_errors(app)
-    return Gate(app, rules)
+    return SecurityMiddleware(app, rules)
 
 
 @asynccontextmanager
@@ -102,7 +107,7 @@ def _add_login(app: FastAPI, token: str | None) -> None:
 
     @app.post("/login", include_in_schema=False)
     async def login(said: Login, request: Request) -> Response:
-        if token is None or not knows(token, said.token):
+        if token is None or not session_is_valid(token, said.token):
             return _problem(401, "That is not the token.")
         response = JSONResponse({})
         response.set_cookie(

@@ -11,7 +11,7 @@ from typing import TypeVar
 Value = TypeVar("Value")
 
 
-class Memory:
+class Cache:
     """Some values by their keys, the least used forgotten first; safe for many threads.
 
     Parameters

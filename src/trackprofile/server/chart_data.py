@@ -12,7 +12,7 @@ from trackprofile.assessment.limits import Action
 from trackprofile.errors import DataError
 from trackprofile.server import responses as models
 from trackprofile.server.requests import MOST_BINS
-from trackprofile.store import Entry, Store, rows_of, strip
+from trackprofile.store import Entry, Store, envelope, rows_of
 from trackprofile.store.envelopes import bin_size
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ def merged(
         if entry.end < start or entry.start > end:
             continue
         try:
-            found = strip(store, entry, band, start, end, width)
+            found = envelope(store, entry, band, start, end, width)
         except DataError as error:
             notes.append(str(error).removesuffix("."))
             continue
@@ -102,9 +102,9 @@ def model(
     heights: Mapping[Action, float] | None = None,
     not_judged: Sequence[models.NotJudged] = (),
     notes: Sequence[str] = (),
-) -> models.Strip:
+) -> models.EnvelopeResponse:
     """Bins as they are answered."""
-    return models.Strip(
+    return models.EnvelopeResponse(
         entries=[one.id for one in entries],
         band=band,
         from_m=bins.start,

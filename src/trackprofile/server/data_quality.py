@@ -12,7 +12,7 @@ from trackprofile.errors import DataError
 from trackprofile.server import responses as models
 from trackprofile.server.chart_data import millimetres
 from trackprofile.server.line_catalogue import Catalogue
-from trackprofile.store import Entry, Store, Strip, strip
+from trackprofile.store import Entry, Envelope, Store, envelope
 from trackprofile.store.layout import ENTRIES
 
 Array = NDArray[np.float64]
@@ -26,7 +26,9 @@ FINE = 8000
 _MILLI = 1e3
 
 
-def quality(catalogue: Catalogue, passes: Sequence[Entry], band: str, bins: int) -> models.Quality:
+def quality(
+    catalogue: Catalogue, passes: Sequence[Entry], band: str, bins: int
+) -> models.QualityResponse:
     """Of the latest passes over a line, the earliest first."""
     shown = passes[-MOST_PASSES:]
     start, end = min(one.start for one in shown), max(one.end for one in shown)
@@ -40,7 +42,7 @@ def quality(catalogue: Catalogue, passes: Sequence[Entry], band: str, bins: int)
 
     found = [told(one) for one in shown]
     sure = [np.nanquantile(along, 0.05) for along, _ in found if np.isfinite(along).any()]
-    return models.Quality(
+    return models.QualityResponse(
         band=band,
         start_m=start,
         bin_m=size,
@@ -55,7 +57,7 @@ def _of_pass(
 ) -> tuple[Array, list[models.Flag]]:
     """Standard deviation along the line, and flags, of a pass."""
     try:
-        found = strip(store, entry, band, entry.start, entry.end, FINE)
+        found = envelope(store, entry, band, entry.start, entry.end, FINE)
     except DataError:  # too short for the band: known in others, not in this one
         return np.full(bins, np.nan), []
     known = np.isfinite(found.low)
@@ -66,7 +68,7 @@ def _of_pass(
     return along, _flags(found)
 
 
-def _flags(found: Strip) -> list[models.Flag]:
+def _flags(found: Envelope) -> list[models.Flag]:
     shares = {flag: float(np.mean(found.quality & flag != 0)) for flag in Quality}
     return [
         models.Flag(name=str(flag.name).lower(), share=round(share, 4))

@@ -44,7 +44,7 @@ def endpoints(catalogue: Catalogue, *, locked: bool) -> APIRouter:
     locked : whether a token is asked for
     """
     router = APIRouter(prefix="/api", responses={
-        status: {"model": models.Problem} for status in (401, 403, 404, 414, 421, 422, 500)
+        status: {"model": models.ErrorResponse} for status in (401, 403, 404, 414, 421, 422, 500)
     })  # fmt: skip
     _add_lists(router, catalogue, locked)
     _add_strips(router, catalogue)
@@ -94,7 +94,7 @@ def _add_lists(router: APIRouter, catalogue: Catalogue, locked: bool) -> None:
     @router.get("/quality")
     def quality(
         asked: Annotated[ask.QualityQuestion, Query()], request: Request, response: Response
-    ) -> models.Quality:
+    ) -> models.QualityResponse:
         """How much of a line its passes tell, and how well."""
         found = catalogue.passes(asked.line, asked.direction, asked.first, asked.last)
         if not found:
@@ -107,7 +107,7 @@ def _add_strips(router: APIRouter, catalogue: Catalogue) -> None:
     @router.get("/strip")
     def strip(
         asked: Annotated[ask.StripQuestion, Query()], request: Request, response: Response
-    ) -> models.Strip:
+    ) -> models.EnvelopeResponse:
         """The level in a band with its uncertainty, in not more bins than can be drawn."""
         entries = catalogue.of_day(asked.line, asked.direction, asked.day, asked.entry)
         _tag(request, response, entries)
@@ -125,7 +125,7 @@ def _add_strips(router: APIRouter, catalogue: Catalogue) -> None:
     @router.get("/compare")
     def compare(
         asked: Annotated[ask.CompareQuestion, Query()], request: Request, response: Response
-    ) -> models.Comparison:
+    ) -> models.ComparisonResponse:
         """Two days against each other."""
         one = catalogue.of_day(asked.line, asked.direction, asked.day, asked.entry)
         other = catalogue.of_day(asked.line, asked.direction, asked.other, asked.other_entry)
@@ -185,7 +185,7 @@ def _add_times(router: APIRouter, catalogue: Catalogue) -> None:
     @router.get("/place")
     def place(
         asked: Annotated[ask.PlaceQuestion, Query()], request: Request, response: Response
-    ) -> models.Development:
+    ) -> models.DevelopmentResponse:
         """How a place developed, and when a limit is reached if that goes on."""
         found = catalogue.passes(asked.line, asked.direction, asked.since, asked.until)
         if not found:

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackprofile.assessment.development import Development, around, development
 from trackprofile.assessment.limits import Action, DefectLimits, Limits
-from trackprofile.assessment.trend import ChangedPlace, Changes, Pass, Reached, changes
+from trackprofile.assessment.trend import ChangedLocation, DatedProfile, LimitCrossing, Trend, trend
 from trackprofile.assessment.trend_fit import Rate
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import DataError
@@ -55,7 +55,7 @@ def place(
     band: Band,
     at: float,
     heights: Mapping[Action, float],
-) -> models.Development:
+) -> models.DevelopmentResponse:
     """How a place developed over some passes of a line.
 
     Raises
@@ -70,13 +70,13 @@ def place(
     named = {_name(one): one for one in looked}
     reach = around(band)
     read = [
-        Pass(read_profile(store, one, at - reach, at + reach), one.day, name)
+        DatedProfile(read_profile(store, one, at - reach, at + reach), one.day, name)
         for name, one in named.items()
     ]
     found = development(read, band, at, heights)
     rate = found.rate
     told = [named[name] for name, _ in found.passes]
-    return models.Development(
+    return models.DevelopmentResponse(
         band=band.name,
         at_m=found.at,
         passes=[
@@ -159,7 +159,7 @@ def _around(found: Development) -> models.Around:
     )
 
 
-def _reached(ones: Sequence[Reached]) -> list[models.ReachedInfo]:
+def _reached(ones: Sequence[LimitCrossing]) -> list[models.ReachedInfo]:
     return [
         models.ReachedInfo(
             action=one.action.words,
@@ -179,7 +179,7 @@ def compare(
     stretch: tuple[float, float],
     width: int,
     heights: Mapping[Action, float],
-) -> models.Comparison:
+) -> models.ComparisonResponse:
     """What the passes of two days, the earlier first, differ by between two places.
 
     Raises
@@ -203,7 +203,7 @@ def compare(
             places = [_changed(one) for one in found.places if stretch[0] <= one.peak <= stretch[1]]
     else:
         length, difference = _by_section(store, days, band, stretch, width)
-    return models.Comparison(
+    return models.ComparisonResponse(
         band=band.name,
         first_day=first[0].day,
         second_day=second[0].day,
@@ -229,20 +229,20 @@ def _changes(
     band: Band,
     stretch: tuple[float, float],
     heights: Mapping[Action, float],
-) -> Changes:
+) -> Trend:
     """Between the two passes that have most of the stretch."""
     reach = around(band)
     passes = []
     for entries in days:
         one = max(entries, key=lambda each: min(each.end, stretch[1]) - max(each.start, stretch[0]))
         profile = read_profile(store, one, stretch[0] - reach, stretch[1] + reach)
-        passes.append(Pass(profile, one.day, _name(one)))
+        passes.append(DatedProfile(profile, one.day, _name(one)))
     # Whether they are verified is said by the passes.
     rule = DefectLimits(band.name, 0.0, np.inf, "the store", True, heights)
-    return changes(passes, Limits("of the passes", (rule,)), _ANY_SPEED, bands=[band])
+    return trend(passes, Limits("of the passes", (rule,)), _ANY_SPEED, bands=[band])
 
 
-def _difference(bins: Bins, found: Changes, band: Band) -> Bins:
+def _difference(bins: Bins, found: Trend, band: Band) -> Bins:
     change = found.bands.get(band.name)
     if change is None:
         return bins
@@ -251,7 +251,7 @@ def _difference(bins: Bins, found: Changes, band: Band) -> Bins:
     return filled(bins, change.distance, (values, values), deviation)
 
 
-def _changed(one: ChangedPlace) -> models.ChangedPlaceInfo:
+def _changed(one: ChangedLocation) -> models.ChangedPlaceInfo:
     per_day = None if one.per_day is None else _MILLI * one.per_day
     spread = None if one.per_day_deviation is None else _MILLI * one.per_day_deviation
     return models.ChangedPlaceInfo(

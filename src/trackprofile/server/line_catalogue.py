@@ -9,8 +9,8 @@ from typing import TypeVar
 from trackprofile.assessment.limits import Action
 from trackprofile.errors import TrackprofileError
 from trackprofile.server.assessment_rows import heights
-from trackprofile.server.cache import Memory
-from trackprofile.store import Entry, Line, Store, find, lines
+from trackprofile.server.cache import Cache
+from trackprofile.store import Entry, Store, StoredLine, find, lines
 from trackprofile.store.layout import ENTRIES
 
 Value = TypeVar("Value")
@@ -35,14 +35,14 @@ class Catalogue:
 
     def __init__(self, store: Store) -> None:
         self.store = store
-        self._lists = Memory(most=_LINES, lasts=LASTS)
-        self._facts = Memory(most=_FACTS)
+        self._lists = Cache(most=_LINES, lasts=LASTS)
+        self._facts = Cache(most=_FACTS)
 
-    def lines(self) -> tuple[Line, ...]:
+    def lines(self) -> tuple[StoredLine, ...]:
         """All lines."""
         return self._lists.recall("lines", lambda: lines(self.store))
 
-    def line(self, line: str, direction: str) -> Line:
+    def line(self, line: str, direction: str) -> StoredLine:
         """One of them.
 
         Raises

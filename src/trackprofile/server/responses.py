@@ -10,19 +10,19 @@ Millimetres = list[float | None]
 """Null where it is not known."""
 
 
-class Model(BaseModel):
+class ResponseModel(BaseModel):
     """An answer, or a part of one."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class Problem(Model):
+class ErrorResponse(ResponseModel):
     """Why a question has no answer."""
 
     error: str = Field(description="one sentence")
 
 
-class BandName(Model):
+class BandName(ResponseModel):
     """A band of wavelengths."""
 
     name: str
@@ -30,7 +30,7 @@ class BandName(Model):
     longest_m: float
 
 
-class LineInfo(Model):
+class LineInfo(ResponseModel):
     """A line in one direction, as far as it was passed."""
 
     line: str
@@ -42,7 +42,7 @@ class LineInfo(Model):
     last_day: date
 
 
-class Lines(Model):
+class Lines(ResponseModel):
     """All lines of the store."""
 
     lines: list[LineInfo]
@@ -50,13 +50,13 @@ class Lines(Model):
     locked: bool = Field(description="whether this server asks for a token")
 
 
-class Days(Model):
+class Days(ResponseModel):
     """Days on which a line was passed, in their order."""
 
     days: list[date]
 
 
-class PassInfo(Model):
+class PassInfo(ResponseModel):
     """One pass: where, when, from what, how well, and what it obliges to."""
 
     entry: str
@@ -84,21 +84,21 @@ class PassInfo(Model):
     notes: list[str] = Field(description="to be said with every number")
 
 
-class Passes(Model):
+class Passes(ResponseModel):
     """Passes over one line and direction, by day."""
 
     passes: list[PassInfo]
     omitted: int = Field(description="earlier ones that are not listed")
 
 
-class Limit(Model):
+class Limit(ResponseModel):
     """A height from which a defect calls for an action."""
 
     action: str
     height_mm: float
 
 
-class NotJudged(Model):
+class NotJudged(ResponseModel):
     """A stretch in which the band is not judged, with the reasons."""
 
     start_m: float
@@ -106,7 +106,7 @@ class NotJudged(Model):
     reasons: str
 
 
-class Strip(Model):
+class EnvelopeResponse(ResponseModel):
     """The level in a band, bin by bin: bin i runs from from_m + i bin_m to from_m + (i + 1) bin_m."""
 
     entries: list[str]
@@ -124,7 +124,7 @@ class Strip(Model):
     notes: list[str]
 
 
-class DefectInfo(Model):
+class DefectInfo(ResponseModel):
     """An isolated defect: a half wave beyond a limit, or that may be."""
 
     entry: str
@@ -141,14 +141,14 @@ class DefectInfo(Model):
     limits_mm: dict[str, float]
 
 
-class Duty(Model):
+class Duty(ResponseModel):
     """What an action obliges to, in the words of the limits."""
 
     action: str
     obliges_to: str
 
 
-class Defects(Model):
+class Defects(ResponseModel):
     """Isolated defects, a part of them."""
 
     defects: list[DefectInfo]
@@ -158,7 +158,7 @@ class Defects(Model):
     notes: list[str]
 
 
-class SchematicMark(Model):
+class SchematicMark(ResponseModel):
     """All places of one action within a bin of the line."""
 
     start_m: float
@@ -168,7 +168,7 @@ class SchematicMark(Model):
     peak_m: float = Field(description="of the gravest of them")
 
 
-class Schematic(Model):
+class Schematic(ResponseModel):
     """A line's places at a glance."""
 
     start_m: float
@@ -177,7 +177,7 @@ class Schematic(Model):
     bins: list[SchematicMark]
 
 
-class SectionInfo(Model):
+class SectionInfo(ResponseModel):
     """A section, or the worst of some that follow each other."""
 
     start_m: float
@@ -188,7 +188,7 @@ class SectionInfo(Model):
     quality_class: str
 
 
-class Sections(Model):
+class Sections(ResponseModel):
     """Standard deviations per section."""
 
     band: str
@@ -197,7 +197,7 @@ class Sections(Model):
     sections: list[SectionInfo]
 
 
-class Told(Model):
+class Told(ResponseModel):
     """A pass that tells a place."""
 
     entry: str
@@ -206,7 +206,7 @@ class Told(Model):
     vehicle: str
 
 
-class LeftOut(Model):
+class LeftOut(ResponseModel):
     """A pass that does not, and why."""
 
     entry: str
@@ -215,7 +215,7 @@ class LeftOut(Model):
     reason: str
 
 
-class Trend(Model):
+class Trend(ResponseModel):
     """A line in time through the passes."""
 
     per_day_mm: float
@@ -223,7 +223,7 @@ class Trend(Model):
     straight: bool = Field(description="whether the passes lie on it, as far as they state")
 
 
-class Ahead(Model):
+class Ahead(ResponseModel):
     """The trend on a day."""
 
     day: date
@@ -231,7 +231,7 @@ class Ahead(Model):
     deviation_mm: float
 
 
-class ReachedInfo(Model):
+class ReachedInfo(ResponseModel):
     """When a limit is reached if the change goes on; null is not within ten years."""
 
     action: str
@@ -241,14 +241,14 @@ class ReachedInfo(Model):
     latest: date | None = Field(description="reached by then with 97.5 %")
 
 
-class Around(Model):
+class Around(ResponseModel):
     """The level around a place, pass by pass in their order."""
 
     distance_m: list[float]
     levels_mm: list[Millimetres]
 
 
-class Development(Model):
+class DevelopmentResponse(ResponseModel):
     """How a place developed."""
 
     band: str
@@ -269,7 +269,7 @@ class Development(Model):
     notes: list[str]
 
 
-class ChangedPlaceInfo(Model):
+class ChangedPlaceInfo(ResponseModel):
     """A place that changed between two passes."""
 
     start_m: float
@@ -283,15 +283,15 @@ class ChangedPlaceInfo(Model):
     reached: list[ReachedInfo]
 
 
-class Comparison(Model):
+class ComparisonResponse(ResponseModel):
     """Two days against each other: second less first, which is the earlier."""
 
     band: str
     first_day: date
     second_day: date
-    first: Strip
-    second: Strip
-    difference: Strip = Field(
+    first: EnvelopeResponse
+    second: EnvelopeResponse
+    difference: EnvelopeResponse = Field(
         description="of the aligned levels; where by_section is above 0, of the sections' standard deviations"
     )
     by_section: float = Field(description="length of the sections that are compared [m], or 0")
@@ -300,14 +300,14 @@ class Comparison(Model):
     notes: list[str]
 
 
-class Flag(Model):
+class Flag(ResponseModel):
     """A flag of doubtful places."""
 
     name: str
     share: float = Field(description="of the pieces of the pass that hold a place with it")
 
 
-class PassQuality(Model):
+class PassQuality(ResponseModel):
     """How much of the line a pass tells, and how well."""
 
     entry: str
@@ -323,7 +323,7 @@ class PassQuality(Model):
     deviation_along_mm: Millimetres = Field(description="median per bin of the line")
 
 
-class Quality(Model):
+class QualityResponse(ResponseModel):
     """Data quality of a line's passes, the earliest first."""
 
     band: str

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from trackprofile.server.session import cookie_of, holds, knows
+from trackprofile.server.session import cookie_of, session_is_valid, token_matches
 
 LONGEST_QUERY = 2000
 LONGEST_PATH = 200
@@ -47,7 +47,7 @@ _SENDS = {"POST"}
 
 
 @dataclass(frozen=True)
-class Rules:
+class SecuritySettings:
     """What the gate goes by.
 
     Parameters
@@ -68,10 +68,10 @@ class Refusal:
     sentence: str
 
 
-class Gate:
+class SecurityMiddleware:
     """An ASGI application in front of another one."""
 
-    def __init__(self, inner: ASGIApp, rules: Rules) -> None:
+    def __init__(self, inner: ASGIApp, rules: SecuritySettings) -> None:
         self.inner, self.rules = inner, rules
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -91,7 +91,7 @@ class Gate:
         await self.inner({**scope, "method": asked}, receive, guarded)
 
 
-def refusal(scope: Scope, rules: Rules) -> Refusal | None:
+def refusal(scope: Scope, rules: SecuritySettings) -> Refusal | None:
     """Why a request is refused; None lets it through."""
     headers = Headers(scope=scope)
     return (
@@ -177,9 +177,9 @@ def may_read(headers: Headers, token: str | None) -> bool:
     if token is None:
         return True
     kind, _, said = headers.get("authorization", "").partition(" ")
-    if kind.lower() == "bearer" and knows(token, said.strip()):
+    if kind.lower() == "bearer" and session_is_valid(token, said.strip()):
         return True
-    return holds(token, cookie_of(headers.get("cookie", "")))
+    return token_matches(token, cookie_of(headers.get("cookie", "")))
 
 
 def _guarded(send: Send, *, without_body: bool) -> Send:

@@ -12,7 +12,7 @@ import uvicorn
 
 from trackprofile.errors import FileError
 from trackprofile.server.app import page_app
-from trackprofile.server.security import LARGEST_HEADERS, Rules
+from trackprofile.server.security import LARGEST_HEADERS, SecuritySettings
 from trackprofile.server.session import new_token
 from trackprofile.store import Store
 
@@ -31,7 +31,7 @@ class Listener:
     """
 
     socket: socket.socket
-    rules: Rules
+    rules: SecuritySettings
     made: bool
 
     @property
@@ -74,7 +74,9 @@ def listener(host: str, port: int, token: str | None = None, names: Sequence[str
         ) from error
     alone = ipaddress.ip_address(bound.getsockname()[0]).is_loopback
     made = token is None and not alone
-    rules = Rules(frozenset(name.lower() for name in names), new_token() if made else token)
+    rules = SecuritySettings(
+        frozenset(name.lower() for name in names), new_token() if made else token
+    )
     return Listener(bound, rules, made)
 
 

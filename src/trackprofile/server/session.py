@@ -52,7 +52,7 @@ def read_token(path: Path) -> str:
     return text
 
 
-def knows(token: str, said: str) -> bool:
+def session_is_valid(token: str, said: str) -> bool:
     """Whether what was said is the token; takes as long where it is not."""
     return hmac.compare_digest(token.encode(), said.encode())
 
@@ -70,7 +70,7 @@ def new_session(token: str, now: float | None = None) -> str:
     return f"{ends}.{_signed(token, ends)}"
 
 
-def holds(token: str, value: str, now: float | None = None) -> bool:
+def token_matches(token: str, value: str, now: float | None = None) -> bool:
     """Whether a cookie's value was made from the token and has not ended."""
     text, _, signature = value.partition(".")
     if not (text.isascii() and text.isdigit() and len(text) < 12):

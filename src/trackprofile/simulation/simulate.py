@@ -26,7 +26,7 @@ CHUNK = 20_000
 
 
 @dataclass(frozen=True)
-class Run:
+class RunSettings:
     """Where and how a train runs.
 
     Parameters
@@ -76,7 +76,7 @@ def simulate(
     vehicle: Vehicle,
     track: Track,
     irregularity: Irregularity,
-    run: Run,
+    run: RunSettings,
     scheme: Scheme,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> Simulation:
@@ -114,7 +114,7 @@ def simulate(
     first = run.start - run.run_in
     steps = int(np.floor(run.drive.duration(run.end - first) / scheme.step * (1 + 1e-12)))
     steps -= steps % run.every
-    profile = SetIn(irregularity, first, 0.5 * run.run_in)
+    profile = RampedIrregularity(irregularity, first, 0.5 * run.run_in)
     model.begin(profile, first)
     parts = []
     whole = CHUNK - CHUNK % run.every
@@ -127,7 +127,7 @@ def simulate(
 
 
 @dataclass(frozen=True)
-class SetIn:
+class RampedIrregularity:
     """An irregularity that grows from nothing at ``begin`` to the whole ``length`` m further on.
 
     With u = (x - begin)/length it is multiplied by u³ (10 - 15 u + 6 u²), which has two continuous derivatives.
@@ -193,7 +193,8 @@ class _Chunk:
 
 
 def _chunk(
-    model: LayeredRun | SimpleRun, profile: SetIn, run: Run, scheme: Scheme, first: float, begin: int, count: int
+    model: LayeredRun | SimpleRun, profile: RampedIrregularity, run: RunSettings, scheme: Scheme,
+    first: float, begin: int, count: int,
 ) -> _Chunk:  # fmt: skip
     number = begin + np.arange(count)
     equilibrium = run.drive.at(np.asarray((number + scheme.theta) * scheme.step, np.float64))
@@ -218,7 +219,7 @@ def _chunk(
     return _Chunk(motion, bodies, wheels, force, deflection)
 
 
-def _under_wheels(profile: SetIn, position: Array, offsets: Array) -> Array:
+def _under_wheels(profile: RampedIrregularity, position: Array, offsets: Array) -> Array:
     """r, r' and r'' under each wheel (n, wheels, 3)."""
     places = position[:, None] - offsets
     values = profile.at(places.ravel()).reshape(3, *places.shape)
@@ -226,7 +227,7 @@ def _under_wheels(profile: SetIn, position: Array, offsets: Array) -> Array:
 
 
 def _collected(
-    vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...], parts: list[_Chunk], run: Run
+    vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...], parts: list[_Chunk], run: RunSettings
 ) -> Simulation:
     motion = np.concatenate([part.motion for part in parts])
     kept = motion[:, 1] >= run.start - 1e-9
@@ -258,7 +259,7 @@ def _lift_off(vehicle: Vehicle, position: Array, force: Array) -> tuple[str, ...
     )
 
 
-def _check_run(run: Run) -> None:
+def _check_run(run: RunSettings) -> None:
     if not run.end > run.start:
         raise ModelError(
             f"A run needs an end beyond its start, got {run.start:g} m to {run.end:g} m."

@@ -13,7 +13,7 @@ Below each of them but the index ``line=L/direction=D/day=YYYY-MM-DD/``. What ha
 there whole or not at all, whoever else writes and whatever dies.
 """
 
-from trackprofile.store.catalogue import Line as Line
+from trackprofile.store.catalogue import StoredLine as StoredLine
 from trackprofile.store.catalogue import find as find
 from trackprofile.store.catalogue import lines as lines
 from trackprofile.store.entry import Entry as Entry
@@ -21,11 +21,11 @@ from trackprofile.store.entry import Origin as Origin
 from trackprofile.store.entry import StoredFile as StoredFile
 from trackprofile.store.entry import digest as digest
 from trackprofile.store.entry import entry_id as entry_id
-from trackprofile.store.envelopes import Strip as Strip
-from trackprofile.store.envelopes import strip as strip
+from trackprofile.store.envelopes import Envelope as Envelope
+from trackprofile.store.envelopes import envelope as envelope
 from trackprofile.store.index import build_index as build_index
 from trackprofile.store.layout import DATA as DATA
-from trackprofile.store.layout import Place as Place
+from trackprofile.store.layout import PassKey as PassKey
 from trackprofile.store.reading import defects as defects
 from trackprofile.store.reading import read_columns as read_columns
 from trackprofile.store.reading import read_profile as read_profile
@@ -35,10 +35,10 @@ from trackprofile.store.reading import table as table
 from trackprofile.store.store import Store as Store
 from trackprofile.store.store import create as create
 from trackprofile.store.store import open_store as open_store
-from trackprofile.store.verification import Problem as Problem
+from trackprofile.store.verification import StoreProblem as StoreProblem
 from trackprofile.store.verification import verify as verify
 from trackprofile.store.writing import LIVING as LIVING
-from trackprofile.store.writing import Added as Added
+from trackprofile.store.writing import AddResult as AddResult
 from trackprofile.store.writing import add as add
 from trackprofile.store.writing import check_claim as check_claim
-from trackprofile.store.writing import tidy as tidy
+from trackprofile.store.writing import clean as clean

@@ -8,12 +8,12 @@ from typing import Any
 import pyarrow as pa
 
 from trackprofile.store.columns import written
-from trackprofile.store.layout import Place
+from trackprofile.store.layout import PassKey
 
 _NUMBERS = ("_m", "_mm", "_kilometre", "_deg", "_dB", "_share")
 
 
-def table_bytes(rows: Mapping[str, Sequence[Any]], entry: str, place: Place) -> bytes:
+def table_bytes(rows: Mapping[str, Sequence[Any]], entry: str, place: PassKey) -> bytes:
     """A table of `trackprofile.assessment.tables` as a Parquet file, with what it is of in each row."""
     count = len(next(iter(rows.values())))
     of_place = {

@@ -17,14 +17,14 @@ import pyarrow as pa
 from trackprofile.errors import FileError
 from trackprofile.store.entry import Entry, parsed
 from trackprofile.store.index import entry_table, rows_below, table_of
-from trackprofile.store.layout import ENTRIES, Place, encoded
+from trackprofile.store.layout import ENTRIES, PassKey, encoded
 from trackprofile.store.store import Store
 
 _KEPT = 10_000  # entries in memory, of some 5 kB
 
 
 @dataclass(frozen=True)
-class Line:
+class StoredLine:
     """A line in one direction, as far as it was passed.
 
     Parameters
@@ -75,7 +75,7 @@ def find(
     return tuple(_entry(content, path) for path, content in rows)
 
 
-def lines(store: Store) -> tuple[Line, ...]:
+def lines(store: Store) -> tuple[StoredLine, ...]:
     """Every line and direction of which there are passes.
 
     Raises
@@ -83,12 +83,12 @@ def lines(store: Store) -> tuple[Line, ...]:
     FileError : an entry is damaged, or DuckDB is not installed.
     """
     return tuple(
-        Line(line, direction, start, end, tuple(days), passes)
+        StoredLine(line, direction, start, end, tuple(days), passes)
         for line, direction, start, end, days, passes in _ask(entry_table(store), _LINES, {})
     )
 
 
-def entries_of_day(store: Store, place: Place) -> tuple[Entry, ...]:
+def entries_of_day(store: Store, place: PassKey) -> tuple[Entry, ...]:
     """All entries of a line, direction and day, in all versions."""
     return tuple(_entry(row.document, row.path) for row in rows_below(store, place.folder(ENTRIES)))
 

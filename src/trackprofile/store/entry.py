@@ -18,7 +18,7 @@ import numpy as np
 from trackprofile import __version__
 from trackprofile.assessment.limits import Action
 from trackprofile.errors import DataError, FileError
-from trackprofile.store.layout import DATA, ENTRIES, SCHEMA, Place
+from trackprofile.store.layout import DATA, ENTRIES, SCHEMA, PassKey
 
 _CHECKSUM = "checksum"
 
@@ -102,7 +102,7 @@ class Entry:
     """
 
     id: str
-    place: Place
+    place: PassKey
     origin: Origin
     kind: str
     start: float
@@ -144,7 +144,7 @@ class Entry:
         return self.place.path(table, self.id)
 
 
-def entry_id(place: Place, origin: Origin) -> str:
+def entry_id(place: PassKey, origin: Origin) -> str:
     """What an entry is called, before it is made.
 
     Examples
@@ -215,7 +215,7 @@ def _entry(body: Mapping[str, Any]) -> Entry:
     place = body["place"]
     return Entry(
         id=body["id"],
-        place=Place(
+        place=PassKey(
             place["line"], place["direction"], date.fromisoformat(place["day"]), place["run"]
         ),
         origin=Origin(**body["origin"]),
@@ -231,7 +231,7 @@ def _entry(body: Mapping[str, Any]) -> Entry:
     )
 
 
-def sealed(content: bytes) -> StoredFile:
+def file_checksum(content: bytes) -> StoredFile:
     """How to know a file's content again."""
     return StoredFile(len(content), hashlib.sha256(content).hexdigest())
 

@@ -36,7 +36,7 @@ _LOW, _HIGH = "_low_m", "_high_m"
 
 
 @dataclass(frozen=True)
-class Strip:
+class Envelope:
     """A column of a pass, bin by bin.
 
     Parameters
@@ -56,7 +56,9 @@ class Strip:
     quality: NDArray[np.int16]
 
 
-def strip(store: Store, entry: Entry, column: str, start: float, end: float, width: int) -> Strip:
+def envelope(
+    store: Store, entry: Entry, column: str, start: float, end: float, width: int
+) -> Envelope:
     """What to draw of a pass between two places, in bins that are all whole.
 
     Parameters
@@ -85,7 +87,7 @@ def strip(store: Store, entry: Entry, column: str, start: float, end: float, wid
     numbers = np.arange(first, max(last + 1, first))
     groups = np.floor(rows["distance_m"] / size).astype(np.int64) - first
     spreads = rows.get(spread, np.full(groups.size, np.nan))
-    return Strip(
+    return Envelope(
         size,
         np.asarray(numbers * size + (size - STEP) / 2, np.float64),
         _binned(np.fmin, rows[low], groups, numbers.size, np.nan),

@@ -17,15 +17,15 @@ import pyarrow.parquet as parquet
 
 from trackprofile.errors import FileError
 from trackprofile.store.columns import written
-from trackprofile.store.entry import Entry, document, parsed, sealed
+from trackprofile.store.entry import Entry, document, file_checksum, parsed
 from trackprofile.store.layout import ENTRIES, ENTRY_PATH, INDEX, INDEX_PATH
-from trackprofile.store.object_files import Files, Found
+from trackprofile.store.object_files import Files, FoundFile
 from trackprofile.store.store import Store
 
 _KEPT = 50_000  # rows in memory, of some 3 kB
 
 
-class Listed(NamedTuple):
+class EntryRow(NamedTuple):
     """What is asked for of an entry, and the whole of it as its file has it."""
 
     path: str
@@ -63,7 +63,7 @@ _SCHEMA = pa.schema(
 
 
 def entry_table(store: Store, folder: str = ENTRIES) -> pa.Table:
-    """All entries below a folder, a `Listed` each.
+    """All entries below a folder, a `EntryRow` each.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def entry_table(store: Store, folder: str = ENTRIES) -> pa.Table:
     return pa.concat_tables([known, _table(fresh)])
 
 
-def rows_below(store: Store, folder: str) -> tuple[Listed, ...]:
+def rows_below(store: Store, folder: str) -> tuple[EntryRow, ...]:
     """All entries below a folder, each from its own file.
 
     Raises
@@ -108,7 +108,7 @@ def build_index(store: Store) -> str:
     """
     rows = rows_below(store, ENTRIES)
     content = written(_table(sorted(rows)))
-    path = f"{INDEX}/{sealed(content).sha256}.parquet"
+    path = f"{INDEX}/{file_checksum(content).sha256}.parquet"
     older = [one.path for one in store.files.listing(INDEX) if INDEX_PATH.fullmatch(one.path)]
     if rows and path not in older:
         store.files.put(path, content)
@@ -125,14 +125,14 @@ def indexed(content: bytes, path: str) -> pa.Table:
     ------
     FileError : its bytes were changed.
     """
-    if f"{INDEX}/{sealed(content).sha256}.parquet" != path:
+    if f"{INDEX}/{file_checksum(content).sha256}.parquet" != path:
         raise FileError(
             f"{path}: its bytes were changed; remove it, and tidy the store to make it anew."
         )
     return parquet.read_table(pa.BufferReader(content)).select(_SCHEMA.names).cast(_SCHEMA)
 
 
-def _known(store: Store, there: dict[str, Found]) -> pa.Table:
+def _known(store: Store, there: dict[str, FoundFile]) -> pa.Table:
     """Rows of the index whose entries are there, as large as it says."""
     found = [one.path for one in store.files.listing(INDEX) if INDEX_PATH.fullmatch(one.path)]
     for path in reversed(found):
@@ -146,7 +146,7 @@ def _known(store: Store, there: dict[str, Found]) -> pa.Table:
     return _SCHEMA.empty_table()
 
 
-def _rows(store: Store, found: Iterable[Found]) -> tuple[Listed, ...]:
+def _rows(store: Store, found: Iterable[FoundFile]) -> tuple[EntryRow, ...]:
     rows = []
     for one in found:
         try:
@@ -162,14 +162,14 @@ def _index(files: Files, path: str) -> pa.Table:
 
 
 @lru_cache(_KEPT)
-def _read(files: Files, path: str, size: int, stamp: str) -> Listed:
+def _read(files: Files, path: str, size: int, stamp: str) -> EntryRow:
     """What an entry's file says, read once for as long as it is not replaced."""
     content = files.read(path)
     return _row(parsed(content, path), content)
 
 
-def _row(entry: Entry, content: bytes) -> Listed:
-    return Listed(
+def _row(entry: Entry, content: bytes) -> EntryRow:
+    return EntryRow(
         path=entry.path(ENTRIES),
         size=len(content),
         entry=entry.id,
@@ -186,7 +186,7 @@ def _row(entry: Entry, content: bytes) -> Listed:
     )
 
 
-def _table(rows: Collection[Listed]) -> pa.Table:
+def _table(rows: Collection[EntryRow]) -> pa.Table:
     columns = list(zip(*rows, strict=True)) or [()] * len(_SCHEMA)
     arrays = [pa.array(one, field.type) for one, field in zip(columns, _SCHEMA, strict=True)]
     return pa.table(arrays, schema=_SCHEMA)

@@ -43,7 +43,7 @@ UNFINISHED_PATH = re.compile(
 
 
 @dataclass(frozen=True)
-class Place:
+class PassKey:
     """Which track was passed, and when.
 
     Parameters

@@ -22,7 +22,7 @@ _TRIES = 5  # to make a folder that another removes because it is empty
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundFile:
     """A file that a listing shows.
 
     Parameters
@@ -42,7 +42,7 @@ class Found:
 class Files(Protocol):
     """Where a store lies; every path is below its root, its parts joined by ``/``."""
 
-    def listing(self, folder: str) -> Iterator[Found]: ...
+    def listing(self, folder: str) -> Iterator[FoundFile]: ...
     def read(self, path: str) -> bytes: ...
     def open(self, path: str) -> IO[bytes]: ...
     def put(self, path: str, content: bytes) -> None: ...
@@ -56,7 +56,7 @@ class LocalFiles:
 
     root: str
 
-    def listing(self, folder: str) -> Iterator[Found]:
+    def listing(self, folder: str) -> Iterator[FoundFile]:
         """All files below a folder, hidden ones too; none where there is no such folder."""
         place = os.path.join(self.root, folder)
         try:
@@ -73,7 +73,7 @@ class LocalFiles:
                 stat = one.stat(follow_symlinks=False)
             except FileNotFoundError:  # removed since
                 continue
-            yield Found(path, stat.st_size, str(stat.st_mtime_ns), stat.st_mtime)
+            yield FoundFile(path, stat.st_size, str(stat.st_mtime_ns), stat.st_mtime)
 
     def read(self, path: str) -> bytes:
         """Its content; FileNotFoundError where there is none."""
@@ -125,14 +125,14 @@ class RemoteFiles:
     system: Any
     root: str
 
-    def listing(self, folder: str) -> Iterator[Found]:
+    def listing(self, folder: str) -> Iterator[FoundFile]:
         """All files below a folder; none where there is no such folder."""
         self.system.invalidate_cache()
         with _told(self._whole(folder)):
             found = self.system.find(self._whole(folder), detail=True)
         for path, about in sorted(found.items()):
             modified = next((about[key] for key in _MODIFIED if about.get(key) is not None), None)
-            yield Found(
+            yield FoundFile(
                 str(PurePosixPath(path).relative_to(self.root)),
                 int(about.get("size") or 0),
                 str(about.get("ETag") or modified),

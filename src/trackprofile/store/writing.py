@@ -20,11 +20,11 @@ from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import tables
 from trackprofile.contracts import Quality, has_rate, validate_profile
 from trackprofile.errors import DataError
-from trackprofile.positioning.chainage import Way
+from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.store.assessment_tables import table_bytes
 from trackprofile.store.catalogue import entries_of_day, newest
 from trackprofile.store.columns import attributes_of, parquet_bytes, profile_columns
-from trackprofile.store.entry import Entry, Origin, document, entry_id, parsed, sealed
+from trackprofile.store.entry import Entry, Origin, document, entry_id, file_checksum, parsed
 from trackprofile.store.envelopes import overview
 from trackprofile.store.index import rows_below
 from trackprofile.store.layout import (
@@ -34,7 +34,7 @@ from trackprofile.store.layout import (
     PROFILES,
     SCHEMA,
     UNFINISHED_PATH,
-    Place,
+    PassKey,
 )
 from trackprofile.store.store import Store
 
@@ -46,7 +46,7 @@ LIVING = timedelta(days=1)
 
 
 @dataclass(frozen=True)
-class Added:
+class AddResult:
     """What came of adding a pass.
 
     Parameters
@@ -63,13 +63,13 @@ class Added:
 
 def add(
     store: Store,
-    place: Place,
+    place: PassKey,
     profile: xr.Dataset,
     assessment: Assessment,
     origin: Origin,
     *,
-    way: Way | None = None,
-) -> Added:
+    way: ChainageTable | None = None,
+) -> AddResult:
     """Store a pass: its profile, its assessment, and from what and how both were made.
 
     The same recording, made in the same way, is one entry however often it is added. Made in another way it is a new
@@ -111,17 +111,17 @@ def add(
                 f"The pass {name} is stored from {same.start:g} m to {same.end:g} m, not from {start:g} m to "
                 f"{end:g} m; give the other stretch of the recording a run of its own."
             )
-        return Added(same, False, same.path(ENTRIES) in newest(there))
-    contents = _contents(name, place, profile, assessment, way or Way())
+        return AddResult(same, False, same.path(ENTRIES) in newest(there))
+    contents = _contents(name, place, profile, assessment, way or ChainageTable())
     entry = _entry(name, place, origin, profile, assessment, contents)
     for table, content in contents.items():
         store.files.put(entry.path(table), content)
     store.files.put(entry.path(ENTRIES), document(entry))
-    return Added(entry, True, entry.path(ENTRIES) in newest((*there, entry)))
+    return AddResult(entry, True, entry.path(ENTRIES) in newest((*there, entry)))
 
 
 def check_claim(
-    there: tuple[Entry, ...], place: Place, recording: str, start: float, end: float
+    there: tuple[Entry, ...], place: PassKey, recording: str, start: float, end: float
 ) -> None:
     """Refuse a second recording of one run over the same track.
 
@@ -151,7 +151,7 @@ def check_claim(
             )
 
 
-def tidy(store: Store, older: timedelta = LIVING) -> tuple[str, ...]:
+def clean(store: Store, older: timedelta = LIVING) -> tuple[str, ...]:
     """Remove what killed writers left unfinished.
 
     Parameters
@@ -183,7 +183,7 @@ def tidy(store: Store, older: timedelta = LIVING) -> tuple[str, ...]:
 
 
 def _contents(
-    name: str, place: Place, profile: xr.Dataset, assessment: Assessment, way: Way
+    name: str, place: PassKey, profile: xr.Dataset, assessment: Assessment, way: ChainageTable
 ) -> dict[str, bytes]:
     """All data files of a pass, by their table."""
     columns = profile_columns(profile, assessment.levels)
@@ -206,7 +206,7 @@ def _contents(
 
 def _entry(
     name: str,
-    place: Place,
+    place: PassKey,
     origin: Origin,
     profile: xr.Dataset,
     assessment: Assessment,
@@ -233,5 +233,5 @@ def _entry(
         deviations=medians,
         defects={action.words: likely.count(action) for action in Action},
         notes=tuple(assessment.notes),
-        files={table: sealed(content) for table, content in contents.items()},
+        files={table: file_checksum(content) for table, content in contents.items()},
     )

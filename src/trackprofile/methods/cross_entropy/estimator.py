@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.inference.observations import loading, measured
+from trackprofile.inference.observations import loading, observations
 from trackprofile.inference.orientation import expect_as_described
-from trackprofile.inference.outliers import said
-from trackprofile.inference.rail_decomposition import mean_alone
+from trackprofile.inference.outliers import describe_observations
+from trackprofile.inference.rail_decomposition import mean_observations
 from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
 from trackprofile.methods.cross_entropy.forward_model import Trial, trial
 from trackprofile.methods.cross_entropy.scans import Scans, scans_of
@@ -49,7 +49,7 @@ LEAST_REACTION = 0.01
 
 
 @dataclass(frozen=True)
-class Run:
+class SearchRun:
     """One optimisation within a phase, generation by generation.
 
     Parameters
@@ -71,7 +71,7 @@ class Phase:
     start: float
     first: int
     kept: int
-    runs: tuple[Run, ...]
+    runs: tuple[SearchRun, ...]
     agreed: bool
 
     @property
@@ -81,7 +81,7 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Found:
+class CrossEntropyResult:
     """What the cross-entropy method found.
 
     Parameters
@@ -126,7 +126,7 @@ def cross_entropy(
     evaluation: Evaluation = Evaluation.MAP,
     seed: int = 0,
     progress: Progress | None = None,
-) -> Found:
+) -> CrossEntropyResult:
     """The profile that reproduces what was recorded, by cross-entropy optimisation, as O'Brien et al. 2017.
 
     It gives no uncertainty, and takes the train to stand in static equilibrium on level track when the recording
@@ -157,14 +157,14 @@ def cross_entropy(
     installation, track = installation or Installation(), track or RigidTrack()
     progress = progress or (lambda stage, share: None)
     expect_as_described(recording, "the cross-entropy method")
-    data = mean_alone(measured(recording, installation), vehicle, installation)
+    data = mean_observations(observations(recording, installation), vehicle, installation)
     search = search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
     scans, notes = scans_of(data, installation, search)
-    notes = (*said(data), *notes)
+    notes = (*describe_observations(data), *notes)
     model = trial(vehicle, track, data.sensors, wilson(scans.step), scans.position, scans.speed)
     _check_reaction(model, search)
     march = _march(model, scans, search, evaluation, np.random.default_rng(seed), progress)
-    found = Found(
+    found = CrossEntropyResult(
         _profile(model, march, search, vehicle, track, seed, notes),
         {
             one.name: signal
@@ -273,7 +273,7 @@ def weights(signals: Array) -> Array:
 def phase(
     misfits: Misfits, mean: Array, level: float, search: Search, generator: np.random.Generator,
     walk: bool,
-) -> tuple[Array, list[Run], bool]:  # fmt: skip
+) -> tuple[Array, list[SearchRun], bool]:  # fmt: skip
     """Optimise one window again and again until two runs agree.
 
     Parameters
@@ -290,7 +290,7 @@ def phase(
     spread = np.square(_reset(search)[: len(mean)])
     # Elevations have no natural zero; but what the literal variant finds agrees only in the paper's words.
     zero = 0.0 if search.variant is Variant.LITERAL else level
-    runs: list[Run] = []
+    runs: list[SearchRun] = []
     for number in range(search.runs):
         start, before = np.diag(spread), mean
         walks = walk and number == 0
@@ -311,7 +311,7 @@ def _reset(search: Search) -> Array:
 def optimise(
     misfits: Misfits, mean: Array, covariance: Array, search: Search, generator: np.random.Generator,
     walk: bool = False,
-) -> tuple[Array, Run]:  # fmt: skip
+) -> tuple[Array, SearchRun]:  # fmt: skip
     """Generation after generation, until the means move no more.
 
     Parameters
@@ -337,7 +337,7 @@ def optimise(
         if moved < search.threshold:
             break
         x = kernels.drawn(generator, n, mean, covariance)
-    return mean, Run(np.array(objective), np.array(convergence), moved < search.threshold)
+    return mean, SearchRun(np.array(objective), np.array(convergence), moved < search.threshold)
 
 
 def _check_reaction(model: Trial, search: Search) -> None:
@@ -388,19 +388,19 @@ def _reproduced(
     return out
 
 
-def _said(found: Found, search: Search) -> tuple[str, ...]:
+def _said(found: CrossEntropyResult, search: Search) -> tuple[str, ...]:
     """The history in sentences."""
     figures = found.figures
-    said = (
+    describe_observations = (
         f"{figures['phases']} phases of {search.unknowns} elevations, {figures['runs_per_phase']:.1f} runs each, "
         f"{figures['generations_per_run']:.0f} generations a run",
     )
     if lost := figures["phases_given_up"]:
-        said += (
+        describe_observations += (
             f"{lost} phases did not converge within {search.generations} generations and {search.runs} runs: "
             "their metres are flagged",
         )
     if found.stopped:
         end = float(found.profile["distance"][-1])
-        said += (f"the profile ends at {end:.2f} m: {found.stopped}",)
-    return said
+        describe_observations += (f"the profile ends at {end:.2f} m: {found.stopped}",)
+    return describe_observations

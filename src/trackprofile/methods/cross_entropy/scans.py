@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.observations import Measured, own_acceleration
+from trackprofile.inference.observations import Observations, tilt_acceleration
 from trackprofile.methods.cross_entropy.search import Search
 from trackprofile.models.kinematics import along_track
 from trackprofile.models.sensor import Installation
@@ -41,7 +41,7 @@ class Scans:
 
 
 def scans_of(
-    data: Measured, installation: Installation, search: Search
+    data: Observations, installation: Installation, search: Search
 ) -> tuple[Scans, tuple[str, ...]]:
     """Every so manieth sample, so that a phase has the length that is asked for.
 
@@ -87,7 +87,7 @@ def scans_of(
         interval * every,
         motion.distance[used],
         motion.speed[used],
-        (data.signals - own_acceleration(data.sensors, motion))[used[1:]],
+        (data.signals - tilt_acceleration(data.sensors, motion))[used[1:]],
         used[1:],
         tuple(sensor.name for sensor in data.sensors),
     )
@@ -97,7 +97,7 @@ def scans_of(
     return scans, notes + assumed
 
 
-def _missing(data: Measured, sample: int) -> str:
+def _missing(data: Observations, sample: int) -> str:
     """What has no value there, and why, in words."""
     channel = int(np.argmin(data.valid[sample]))
     name = data.sensors[channel].name

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from trackprofile.calibration.bandwidth import Explained
+from trackprofile.calibration.bandwidth import SpectralFit
 from trackprofile.calibration.calibrate import Calibration
 from trackprofile.calibration.likelihood_profiles import LikelihoodProfile, likelihood_profiles
 from trackprofile.models.sensor import Sensor
@@ -62,7 +62,7 @@ def _draw_profile(axes: Axes, profile: LikelihoodProfile) -> None:
     axes.legend(fontsize=6.5, frameon=False, loc="lower center")
 
 
-def _draw_spectrum(axes: Axes, sensor: Sensor, part: Explained) -> None:
+def _draw_spectrum(axes: Axes, sensor: Sensor, part: SpectralFit) -> None:
     f = part.frequency[1:]
     axes.loglog(f, part.measured[1:], color=COLOURS[MEASURED], lw=0.7, label="signal")
     axes.loglog(f, part.track[1:], color=COLOURS[ELEVATION], lw=1, label="track, through the car")

@@ -55,7 +55,7 @@ INTERVAL_OPACITY, GAP_OPACITY = 0.4, 0.35
 
 
 @dataclass(frozen=True)
-class Line:
+class ChartLine:
     """A trace: NaN breaks it. x in m, y in the panel's unit; ``order`` picks a colour for a name that has none."""
 
     name: str
@@ -93,13 +93,13 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class Panel:
+class ChartPanel:
     """One strip of the chart: what is drawn, in which unit, how high relative to the others."""
 
     name: str
     about: str
     unit: str
-    lines: tuple[Line, ...]
+    lines: tuple[ChartLine, ...]
     interval: Interval | None = None
     height: float = 1.0
 
@@ -111,7 +111,7 @@ class Chart:
     title: str
     note: str
     ends: tuple[float, float]
-    panels: tuple[Panel, ...]
+    panels: tuple[ChartPanel, ...]
     gaps: tuple[tuple[float, float], ...]
 
 
@@ -160,7 +160,7 @@ def extremes(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
     return np.unique(kept)
 
 
-def _note(profile: xr.Dataset, panels: Sequence[Panel], gaps: bool) -> str:
+def _note(profile: xr.Dataset, panels: Sequence[ChartPanel], gaps: bool) -> str:
     """What the profile is and how it is drawn, in one line."""
     attributes = (profile.attrs.get(name, "") for name in ("method", "loading", "vehicle"))
     parts = [str(each) for each in attributes if each]
@@ -201,14 +201,14 @@ def _track(profile: xr.Dataset) -> _Track:
     return _Track(spacing, grid, known, deviations, sides)
 
 
-def _elevation_panel(track: _Track) -> Panel:
+def _elevation_panel(track: _Track) -> ChartPanel:
     interval = _interval(track, track.elevation, "standard_deviation")
     about = "the 95 % interval is ruled by the long waves" if interval else ""
     lines = (_elevation_line(track, track.elevation),)
-    return Panel("Elevation", about, "mm", lines, interval, height=1.2)
+    return ChartPanel("Elevation", about, "mm", lines, interval, height=1.2)
 
 
-def _band_panel(track: _Track, band: Band) -> Panel | None:
+def _band_panel(track: _Track, band: Band) -> ChartPanel | None:
     """The elevation in a band, None where no piece of the profile can carry it."""
     filtered = band_pass_pieces(track.elevation, track.spacing, band)
     if np.isnan(filtered).all():
@@ -223,10 +223,10 @@ def _band_panel(track: _Track, band: Band) -> Panel | None:
     for order, (side, elevation) in enumerate(track.sides.items(), start=1):
         apart = band_pass_pieces(elevation, track.spacing, band)
         lines.append(line_of(side, track.distance, _MILLI * apart, order))
-    return Panel(name, about, "mm", tuple(lines), _interval(track, filtered, key))
+    return ChartPanel(name, about, "mm", tuple(lines), _interval(track, filtered, key))
 
 
-def _elevation_line(track: _Track, elevation: Array) -> Line:
+def _elevation_line(track: _Track, elevation: Array) -> ChartLine:
     return line_of(ELEVATION, track.distance, _MILLI * elevation)
 
 
@@ -242,7 +242,7 @@ def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
 
 def channel_panels(
     channel: Channel, where: Array, model: ArrayLike | None, called: str = MEASURED
-) -> list[Panel]:
+) -> list[ChartPanel]:
     """A sensor's signal under the name ``called`` and, where a model reproduces it, what that leaves."""
     unit, factor = _SHOWN_IN[channel.quantity]
     valid = True if channel.valid is None else channel.valid
@@ -251,13 +251,13 @@ def channel_panels(
     about = f"{channel.body}, {_place(channel.position, channel.lateral)}"
     lines = [line_of(called, where, measured)]
     if model is None:
-        return [Panel(name, about, unit, tuple(lines))]
+        return [ChartPanel(name, about, unit, tuple(lines))]
     signal = factor * np.asarray(model, dtype=float)
     lines.append(line_of(REPRODUCED, where, signal))
     left = measured - signal
     size = f"RMS {_rms(left):.2g} {unit}, of {_rms(measured):.2g} {unit} measured"
-    residual = Panel("Residual", size, unit, (line_of(RESIDUAL, where, left),), height=0.6)
-    return [Panel(name, about, unit, tuple(lines)), residual]
+    residual = ChartPanel("Residual", size, unit, (line_of(RESIDUAL, where, left),), height=0.6)
+    return [ChartPanel(name, about, unit, tuple(lines)), residual]
 
 
 def _place(position: float, lateral: float) -> str:
@@ -295,10 +295,10 @@ def _check_reproduced(
             )
 
 
-def line_of(name: str, x: Array, y: Array, order: int = 0) -> Line:
+def line_of(name: str, x: Array, y: Array, order: int = 0) -> ChartLine:
     """A trace, thinned to its extremes where it is long."""
     kept = extremes(y)
-    return Line(name, x[kept], y[kept], kept.size < y.size, order)
+    return ChartLine(name, x[kept], y[kept], kept.size < y.size, order)
 
 
 def _gaps(track: _Track) -> tuple[tuple[float, float], ...]:

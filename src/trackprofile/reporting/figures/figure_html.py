@@ -15,7 +15,7 @@ from trackprofile.reporting.figures.chart import (
     INTERVAL,
     INTERVAL_OPACITY,
     Chart,
-    Panel,
+    ChartPanel,
 )
 
 _PANEL, _BETWEEN, _HEAD, _FOOT = 160, 36, 140, 50  # px
@@ -65,7 +65,7 @@ def html(figure: go.Figure) -> str:
     return page.replace("<head>", f"<head><title>{escape(title)}</title>", 1)
 
 
-def _draw_panel(figure: go.Figure, panel: Panel, row: int) -> None:
+def _draw_panel(figure: go.Figure, panel: ChartPanel, row: int) -> None:
     traces = []
     if panel.interval:
         x, y = panel.interval.outline()

@@ -14,7 +14,7 @@ from trackprofile.reporting.figures.chart import (
     INTERVAL,
     INTERVAL_OPACITY,
     Chart,
-    Panel,
+    ChartPanel,
 )
 
 _PANEL, _HEAD = 1.6, 1.3  # inches
@@ -51,7 +51,7 @@ def draw(chart: Chart) -> Figure:
     return figure
 
 
-def _draw_panel(axes: Axes, panel: Panel, gaps: Sequence[tuple[float, float]]) -> None:
+def _draw_panel(axes: Axes, panel: ChartPanel, gaps: Sequence[tuple[float, float]]) -> None:
     if panel.interval:
         area = panel.interval
         look = {"color": COLOURS[INTERVAL], "alpha": INTERVAL_OPACITY, "linewidth": 0}

@@ -12,7 +12,7 @@ from trackprofile.reporting.figures.chart import (
     ELEVATION,
     SIMULATED,
     Chart,
-    Panel,
+    ChartPanel,
     channel_panels,
     line_of,
 )
@@ -37,7 +37,7 @@ def ride_chart(
     profile = line_of(
         ELEVATION, truth["distance"].to_numpy(), _MILLI * truth["elevation"].to_numpy()
     )
-    panels = [Panel("Profile", "unloaded", "mm", (profile,), height=1.2)]
+    panels = [ChartPanel("Profile", "unloaded", "mm", (profile,), height=1.2)]
     where = recording["distance"].to_numpy()
     for channel in channels(recording):
         panels += channel_panels(channel, where, None, SIMULATED)
@@ -60,7 +60,7 @@ def ride_chart(
 
 def _under_wheels(
     name: str, unit: str, factor: float, values: np.ndarray, simulation: Simulation
-) -> Panel:
+) -> ChartPanel:
     wheels = [part for part, _ in simulation.freedoms[-values.shape[1] :]]
     # From the second colour on: the first is the elevation's.
     lines = tuple(
@@ -68,4 +68,4 @@ def _under_wheels(
         for i, wheel in enumerate(wheels)
     )
     low, high = factor * float(values.min()), factor * float(values.max())
-    return Panel(name, f"{low:.3g} to {high:.3g} {unit}", unit, lines)
+    return ChartPanel(name, f"{low:.3g} to {high:.3g} {unit}", unit, lines)

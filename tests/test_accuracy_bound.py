@@ -9,7 +9,7 @@ import pytest
 
 from trackprofile.bands import BANDS, Band
 from trackprofile.errors import ModelError
-from trackprofile.inference.accuracy_limit import limit
+from trackprofile.inference.accuracy_bound import accuracy_bound
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.statespace import state_space, transfer_function
 
@@ -31,7 +31,7 @@ TABLE = {
 @pytest.mark.parametrize(("speed", "grade"), TABLE)
 def test_limit_is_that_of_the_independent_table(speed: float, grade: str) -> None:
     prior = read_spectrum("fra-5")
-    found = limit(VELARO, RIGID, read_sensors(grade), speed, prior)
+    found = accuracy_bound(VELARO, RIGID, read_sensors(grade), speed, prior)
     rounding = 0.5 * np.array([10.0 ** -decimals(value) for value in TABLE[speed, grade]])
     for one, value, half_digit in zip(BANDS, TABLE[speed, grade], rounding, strict=True):
         assert 1e3 * found[one.name] == pytest.approx(value, rel=0.05, abs=half_digit)
@@ -45,7 +45,7 @@ def decimals(value: float) -> int:
 def test_without_the_gyro_waves_of_twice_the_wheelbase_are_lost(prior: str) -> None:
     both = read_sensors("bogie-25ug")
     with_gyro, without = (
-        limit(VELARO, RIGID, sensors, SPEED, read_spectrum(prior))["D1"]
+        accuracy_bound(VELARO, RIGID, sensors, SPEED, read_spectrum(prior))["D1"]
         for sensors in (both, both[:1])
     )
     # Literature: 10 to 18 times worse. Rougher track or better sensors make the needle at 5 m stand out more.
@@ -66,9 +66,9 @@ def test_needle_at_the_wave_that_the_bogie_does_not_feel_is_integrated_in_full()
     expected = np.sqrt(2 * np.sqrt(level / b) * np.arctan(half * np.sqrt(level * b)))
     width = 1.0 / np.sqrt(level * b)
     assert width < half / 10  # so the needle's bulk lies within
-    found = limit(VELARO, RIGID, [sensor], SPEED, prior)["D1"]
+    found = accuracy_bound(VELARO, RIGID, [sensor], SPEED, prior)["D1"]
     near = Band("needle", 2 * np.pi / ends[1], 2 * np.pi / ends[0])
-    assert limit(VELARO, RIGID, [sensor], SPEED, prior, [near])["needle"] == pytest.approx(
+    assert accuracy_bound(VELARO, RIGID, [sensor], SPEED, prior, [near])["needle"] == pytest.approx(
         expected, rel=0.01
     )
     assert found > expected
@@ -85,7 +85,8 @@ def test_flicker_counts_in_a_narrow_band_as_the_white_noise_that_is_as_strong_th
         there = np.sqrt(1 + 1 / frequency + 2 / (2 * np.pi * frequency) ** 2)
         white.append(replace(one, noise_density=density * there))
     found, expected = (
-        limit(VELARO, RIGID, sensors, SPEED, prior, near)["near"] for sensors in (flickering, white)
+        accuracy_bound(VELARO, RIGID, sensors, SPEED, prior, near)["near"]
+        for sensors in (flickering, white)
     )
     assert found == pytest.approx(expected, rel=1e-5)
 
@@ -94,6 +95,6 @@ def test_limit_needs_a_running_train_and_known_noise() -> None:
     prior = read_spectrum("fra-5")
     sensors = read_sensors("bogie-25ug")
     with pytest.raises(ModelError, match="above 0 m/s"):
-        limit(VELARO, RIGID, sensors, 0.0, prior)
+        accuracy_bound(VELARO, RIGID, sensors, 0.0, prior)
     with pytest.raises(ModelError, match="noise_density of each"):
-        limit(VELARO, RIGID, [replace(sensors[0], noise_density=None)], SPEED, prior)
+        accuracy_bound(VELARO, RIGID, [replace(sensors[0], noise_density=None)], SPEED, prior)

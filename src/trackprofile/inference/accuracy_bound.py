@@ -11,7 +11,7 @@ from trackprofile.bands import BANDS, Band
 from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
 from trackprofile.models.receptance import point_track
-from trackprofile.models.roll import halves_of, pairs_of, rolling_for, rolling_track
+from trackprofile.models.roll import rail_modes, rolling_for, rolling_track, sensor_pairs
 from trackprofile.models.sensor import Sensor, stated_noise
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import state_space, transfer_function
@@ -25,7 +25,7 @@ ACCURACY = 1e-6
 """Relative, of each band's variance."""
 
 
-def limit(
+def accuracy_bound(
     vehicle: Vehicle,
     track: Track,
     sensors: Sequence[Sensor],
@@ -87,7 +87,7 @@ def limit(
     return errors
 
 
-def limit_per_rail(
+def accuracy_bound_per_rail(
     vehicle: Vehicle, track: Track, sensors: Sequence[Sensor], speed: float, prior: Spectrum,
     bands: Sequence[Band] = BANDS,
 ) -> dict[Rail, dict[str, float]]:  # fmt: skip
@@ -116,12 +116,12 @@ def limit_per_rail(
     >>> {rail.value: round(1e3 * errors["D1"], 3) for rail, errors in least.items()}  # mm
     {'mean': 0.048, 'difference': 0.072, 'left': 0.06, 'right': 0.06}
     """
-    mean, difference = halves_of(sensors, pairs_of(sensors), vehicle.contact_spacing)
-    found = {Rail.MEAN: limit(vehicle, track, mean.sensors, speed, prior, bands)}
+    mean, difference = rail_modes(sensors, sensor_pairs(sensors), vehicle.contact_spacing)
+    found = {Rail.MEAN: accuracy_bound(vehicle, track, mean.sensors, speed, prior, bands)}
     if difference.sensors:
         car = rolling_for(vehicle, point_track(track), difference.sensors)
         support = rolling_track(point_track(track))
-        across = limit(car, support, difference.sensors, speed, prior, bands)
+        across = accuracy_bound(car, support, difference.sensors, speed, prior, bands)
         side = {
             band: float(np.hypot(error, 0.5 * across[band]))
             for band, error in found[Rail.MEAN].items()
