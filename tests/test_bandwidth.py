@@ -16,8 +16,9 @@ from trackprofile.calibration.likelihood_profiles import likelihood_profiles
 from trackprofile.contracts import Channel, between, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, UndeterminedError
-from trackprofile.inference.observations import Model, observations
+from trackprofile.inference.observations import observations
 from trackprofile.inference.parameters import vehicle_parameters
+from trackprofile.inference.problem import Model
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation

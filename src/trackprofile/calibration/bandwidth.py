@@ -12,7 +12,8 @@ from scipy.optimize import minimize
 from scipy.signal import butter, fftconvolve, kaiserord, sosfilt, welch
 
 from trackprofile.errors import DataError
-from trackprofile.inference.observations import Model, Observations, leading_wheel_motion
+from trackprofile.inference.observations import Observations
+from trackprofile.inference.problem import Model, leading_wheel_motion
 from trackprofile.models.receptance import FITTED_UP_TO
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum, scaled

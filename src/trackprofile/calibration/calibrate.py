@@ -25,7 +25,6 @@ from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import (
     DEFAULT_SPECTRUM,
     KNOT_SPACING,
-    Model,
     first_body_channel,
     signal_rms,
 )
@@ -38,6 +37,7 @@ from trackprofile.inference.parameters import (
     value_of,
     vehicle_parameters,
 )
+from trackprofile.inference.problem import Model
 from trackprofile.inference.reference import SEARCHED_ORIGINS
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty

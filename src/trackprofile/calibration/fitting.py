@@ -19,7 +19,6 @@ from trackprofile.inference.maximum_likelihood import (
     maximise,
     slopes,
 )
-from trackprofile.inference.observations import Model
 from trackprofile.inference.parameters import (
     ModelParameter,
     noise_parameters,
@@ -28,6 +27,7 @@ from trackprofile.inference.parameters import (
     values_of,
     with_values,
 )
+from trackprofile.inference.problem import Model
 
 Array = NDArray[np.float64]
 
@@ -117,11 +117,9 @@ def fit_parameters(
     every = [*free, *nuisances(passes, centre)]
     precision = np.array([one.spread**-2 for one in every])
 
-    def of(at: Array) -> tuple[Array, Array]:
-        return pooled_innovations(passes, with_values(start, every, at))
-
+    pooled = pooled_innovations(passes)
     found = maximise(
-        of, values_of(start, every), values_of(centre, every), precision,
+        lambda at: pooled(with_values(start, every, at)), values_of(start, every), values_of(centre, every), precision,
         lambda share: progress("fitting the vehicle", share), enough,
     )  # fmt: skip
     return Fit(list(passes), with_values(start, every, found.parameters), free, every, found)
@@ -146,9 +144,8 @@ def _told_at_all(
     some = passes if any(one.known for one in passes) else shortened(passes, SHORT)
     every = [*free, *nuisances(passes, start)]
     at = values_of(start, every)
-    information = slopes(
-        lambda at: pooled_innovations(some, with_values(start, every, at)), at
-    ).information
+    pooled = pooled_innovations(some)
+    information = slopes(lambda at: pooled(with_values(start, every, at)), at).information
     precision = np.array([one.spread**-2 for one in every])
     left, said = identified(marginal(information, precision, len(free)), free, NOTHING, asked=asked)
     notes.extend(said)
@@ -245,10 +242,12 @@ def fit_noise(passes: Sequence[RunData], model: Model, progress: Progress) -> Mo
     centre = values_of(model, noise)
     precision = np.array([one.spread**-2 for one in noise])
 
+    with_reference, without = pooled_innovations(given), pooled_innovations(free)
+
     def improbability(at: Array) -> float:
         trial = replace(with_values(model, noise, at), spectrum=spectrum)
-        sure = log_likelihood(*pooled_innovations(given, trial))
-        unsure = log_likelihood(*pooled_innovations(free, trial))
+        sure = log_likelihood(*with_reference(trial))
+        unsure = log_likelihood(*without(trial))
         return unsure - sure + 0.5 * float(np.sum(precision * (at - centre) ** 2))
 
     progress("fitting the noise", 0.0)
@@ -263,5 +262,6 @@ def fit_noise(passes: Sequence[RunData], model: Model, progress: Progress) -> Mo
 
 def best_fit(passes: Sequence[RunData], trials: Sequence[Model]) -> Model:
     """The most likely of some models."""
-    heights: list[float] = [log_likelihood(*pooled_innovations(passes, trial)) for trial in trials]
+    pooled = pooled_innovations(passes)
+    heights: list[float] = [log_likelihood(*pooled(trial)) for trial in trials]
     return trials[int(np.argmax(heights))]

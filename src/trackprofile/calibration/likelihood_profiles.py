@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from trackprofile.calibration.fitting import Fit
 from trackprofile.inference.marginal_likelihood import pooled_innovations
 from trackprofile.inference.maximum_likelihood import log_likelihood
-from trackprofile.inference.observations import Model
 from trackprofile.inference.parameters import values_of, with_values
+from trackprofile.inference.problem import Model
 
 Array = NDArray[np.float64]
 
@@ -53,12 +53,10 @@ def likelihood_profiles(fit: Fit, centre: Model) -> tuple[LikelihoodProfile, ...
     centre : the model where the priors are
     """
     at, mean = fit.found.parameters, values_of(centre, fit.every)
-    C = fit.found.covariance()
+    C, pooled = fit.found.covariance(), pooled_innovations(fit.passes)
 
     def height(at: Array) -> float:
-        likelihood = log_likelihood(
-            *pooled_innovations(fit.passes, with_values(fit.model, fit.every, at))
-        )
+        likelihood = log_likelihood(*pooled(with_values(fit.model, fit.every, at)))
         return likelihood - 0.5 * float(np.sum(fit.found.precision * (at - mean) ** 2))
 
     top, profiles = height(at), []

@@ -17,17 +17,9 @@ from scipy.ndimage import uniform_filter1d
 
 from trackprofile.bands import BANDS, D3, Band, band_pass, edge_distance
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.inference.observations import (
-    Model,
-    Observations,
-    leading_wheel_motion,
-    ride_of,
-    row_signals,
-    row_variance,
-    start_of,
-    walk_of,
-)
+from trackprofile.inference.observations import Observations
 from trackprofile.inference.outliers import outlier_faults, outlier_mask, single_outliers
+from trackprofile.inference.problem import Model, smoothing_problem
 from trackprofile.inference.quality import quality, unexplained_samples
 from trackprofile.inference.sensitivity import vehicle_sensitivity
 from trackprofile.inference.track_correction import full_track_residual
@@ -161,20 +153,17 @@ def solve_block(
     """
     data = data.part(block.rows)
     model = task.model
-    system, ride = ride_of(data, model)
+    problem = smoothing_problem(data, model)
     progress("smoothing", 0.2)
-    variance, signals = row_variance(data, model, ride), row_signals(data, model, ride)
-    start = start_of(data, model, system, ride)
-    walk = walk_of(ride, leading_wheel_motion(data, model), model.sensors)
-    settled = smooth_robustly(ride, model.spectrum, variance, start, signals, walk)
-    place = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
+    run, place = problem.run, problem.run.knot_position
+    settled = smooth_robustly(problem)
     if task.correct:
         beyond = full_track_residual(
             data, model, task.track, place, settled.smoothed.elevation[:, 0]
         )
         # What the full model explains is no fault of a sensor: all is judged anew without it.
-        signals = signals - beyond[ride.samples, ride.sensors][:, None]
-        settled = smooth_robustly(ride, model.spectrum, variance, start, signals, walk)
+        signals = problem.signals - beyond[run.samples, run.sensors][:, None]
+        settled = smooth_robustly(replace(problem, signals=signals))
     progress("smoothing", 0.5)
     generator = np.random.default_rng([task.seed, block.number])
     profiles, simulated = prior_draws(settled.prepared, task.draws, generator)
@@ -184,15 +173,15 @@ def solve_block(
     slopes = vehicle_sensitivity(data, model, task.installation, place, elevation, progress)
     # The vehicle errs in the same way in all blocks.
     directions = np.random.default_rng(task.seed).standard_normal((slopes.shape[1], task.draws))
-    bands, notes = band_spreads(errors + slopes @ directions, ride.spacing)
+    bands, notes = band_spreads(errors + slopes @ directions, run.spacing)
     known = np.maximum(settled.variances.elevation, 0.0)
-    found = outlier_faults(settled.weights, data, model, ride)
+    found = outlier_faults(settled.weights, data, model, run)
     flags = quality(
-        place, bands, data, model, ride, _unexplained(data, ride, settled, variance),
+        place, bands, data, model, run, _unexplained(data, run, settled, problem.variance),
         data.faulty | outlier_mask(found, data, model), task.ends,
     )  # fmt: skip
     kept = slice(*map(int, np.searchsorted(place, [block.begin, block.end + 1e-9])))
-    left, likelihood = _of_its_own(data, block, ride, settled)
+    left, likelihood = _of_its_own(data, block, run, settled)
     return BlockResult(
         place[kept],
         elevation[kept],

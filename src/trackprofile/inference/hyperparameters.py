@@ -9,18 +9,7 @@ from numpy.typing import NDArray
 
 from trackprofile.inference.marginal_likelihood import RunData, pooled_innovations
 from trackprofile.inference.maximum_likelihood import Progress, maximise
-from trackprofile.inference.observations import (
-    DEFAULT_SPECTRUM,
-    Model,
-    Observations,
-    leading_wheel_motion,
-    outlier_free,
-    ride_of,
-    row_signals,
-    row_variance,
-    start_of,
-    walk_of,
-)
+from trackprofile.inference.observations import DEFAULT_SPECTRUM, Observations, outlier_free
 from trackprofile.inference.parameters import (
     ModelParameter,
     corner_parameter,
@@ -30,6 +19,7 @@ from trackprofile.inference.parameters import (
     white_noise_parameters,
     with_values,
 )
+from trackprofile.inference.problem import Model, smoothing_problem
 from trackprofile.kalman.robust import smooth_robustly
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
@@ -92,12 +82,11 @@ def _likeliest(
     unknowns: list[ModelParameter],
     progress: Progress,
 ) -> Model:
-    def of_piece(at: Array) -> tuple[Array, Array]:
-        return pooled_innovations([RunData(piece)], with_values(model, unknowns, at))
+    pooled = pooled_innovations([RunData(piece)])
 
     precision = np.array([one.spread**-2 for one in unknowns])
     found = maximise(
-        of_piece,
+        lambda at: pooled(with_values(model, unknowns, at)),
         values_of(begin, unknowns),
         values_of(model, unknowns),
         precision,
@@ -108,16 +97,13 @@ def _likeliest(
 
 def _believed(piece: Observations, model: Model) -> Observations | None:
     """Without what the smoother weighs down; None where that is nothing."""
-    system, ride = ride_of(piece, model)
-    variance, signals = row_variance(piece, model, ride), row_signals(piece, model, ride)
-    walk = walk_of(ride, leading_wheel_motion(piece, model), model.sensors)
-    start = start_of(piece, model, system, ride)
-    weights = smooth_robustly(ride, model.spectrum, variance, start, signals, walk).weights
+    problem = smoothing_problem(piece, model)
+    weights = smooth_robustly(problem).weights
     doubtful = (weights.own > 0.0) | (weights.louder > 1.0)
     if not doubtful.any():
         return None
     valid = piece.valid.copy()
-    valid[ride.samples[doubtful], ride.sensors[doubtful]] = False
+    valid[problem.run.samples[doubtful], problem.run.sensors[doubtful]] = False
     return replace(piece, valid=valid)
 
 

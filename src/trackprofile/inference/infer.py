@@ -24,21 +24,14 @@ from trackprofile.inference.blocks import (
 from trackprofile.inference.channel_assignment import assign_channels
 from trackprofile.inference.hyperparameters import find_hyperparameters
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.inference.observations import (
-    KNOT_SPACING,
-    Model,
-    Observations,
-    leading_wheel_motion,
-    loading,
-    observations,
-    signal_rms,
-)
+from trackprofile.inference.observations import KNOT_SPACING, Observations, observations, signal_rms
 from trackprofile.inference.orientation import orient
 from trackprofile.inference.outliers import describe_faults
 from trackprofile.inference.position_uncertainty import (
     correct_wheel_scale,
     position_standard_deviation,
 )
+from trackprofile.inference.problem import Model, leading_wheel_motion, loading
 from trackprofile.inference.rail_decomposition import (
     RailDecomposition,
     difference_installation,

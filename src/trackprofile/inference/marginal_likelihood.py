@@ -1,35 +1,35 @@
-"""How probable the signals are under a model: over a profile that is unknown, and over one that is known."""
+"""Marginal likelihood of recorded signals under a model, over an unknown or a known profile."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.inference.observations import (
-    DEFAULT_SPECTRUM,
-    Model,
-    Observations,
-    prepared_filter,
-    ride_of,
-    row_signals,
-    start_of,
-)
+from trackprofile.inference.observations import DEFAULT_SPECTRUM, Observations
+from trackprofile.inference.problem import Model, problem_builder
 from trackprofile.inference.reference import KnownProfile
 from trackprofile.kalman.smoother import innovations
 from trackprofile.models.spectrum import scaled
 
 Array = NDArray[np.float64]
 
-EXACT = scaled(DEFAULT_SPECTRUM, 1e-9)
-"""Of the error of a profile that is known."""
+REFERENCE_ERROR = scaled(DEFAULT_SPECTRUM, 1e-9)
+"""Prior of the error of a known profile."""
 
 
 @dataclass(frozen=True)
 class RunData:
-    """What was measured, the profile under it (None where that is unknown), and which recording it is of."""
+    """Observations of one run.
+
+    Parameters
+    ----------
+    data : observations
+    known : the profile under the run; None where it is unknown
+    number : of the recording, from 1
+    """
 
     data: Observations
     known: KnownProfile | None = None
@@ -37,40 +37,51 @@ class RunData:
 
     @property
     def length(self) -> float:
-        """m that were run."""
+        """Distance covered, m."""
         return float(np.ptp(self.data.motion.distance))
 
 
-def pooled_innovations(passes: Sequence[RunData], model: Model) -> tuple[Array, Array]:
-    """Innovations and their variances, each (rows,), of all passes.
+def pooled_innovations(runs: Sequence[RunData]) -> Callable[[Model], tuple[Array, Array]]:
+    """A function that gives the innovations and their variances, each (rows,), of all runs under a model.
 
-    A profile that is unknown is one of the model's spectrum; of one that is known, the signals that it makes are
-    taken off first, and what is left of it is one of ``EXACT``.
+    The prior of an unknown profile is the model's spectrum. Over a known profile its response is subtracted from the
+    signals first, and the prior of the remaining error is ``REFERENCE_ERROR``.
     """
-    parts = [
-        _of_one(one.data, model) if one.known is None else _given(one, model) for one in passes
-    ]
-    return np.concatenate([e[:, 0] for e, _ in parts]), np.concatenate([S for _, S in parts])
+    each = [_innovations(one) if one.known is None else _innovations_known(one) for one in runs]
+
+    def pooled(model: Model) -> tuple[Array, Array]:
+        parts = [innovations_of_run(model) for innovations_of_run in each]
+        return np.concatenate([e[:, 0] for e, _ in parts]), np.concatenate([S for _, S in parts])
+
+    return pooled
 
 
-def row_counts(passes: Sequence[RunData]) -> list[int]:
-    """How many innovations each pass has."""
-    return [int(np.count_nonzero(one.data.valid)) for one in passes]
+def row_counts(runs: Sequence[RunData]) -> list[int]:
+    """Number of innovations of each run."""
+    return [int(np.count_nonzero(one.data.valid)) for one in runs]
 
 
-def _of_one(data: Observations, model: Model) -> tuple[Array, Array]:
-    system, ride = ride_of(data, model)
-    prepared = prepared_filter(data, model, ride, start_of(data, model, system, ride))
-    return innovations(prepared, row_signals(data, model, ride)), prepared.innovation_variance
+def _innovations(run: RunData) -> Callable[[Model], tuple[Array, Array]]:
+    build = problem_builder(run.data)
+
+    def under(model: Model) -> tuple[Array, Array]:
+        problem = build(model)
+        gains = problem.gains()
+        return innovations(gains, problem.signals), gains.innovation_variance
+
+    return under
 
 
-def _given(one: RunData, model: Model) -> tuple[Array, Array]:
-    assert one.known is not None
-    system, ride = ride_of(one.data, model)
-    start = start_of(one.data, replace(model, spectrum=DEFAULT_SPECTRUM), system, ride)
-    signals = row_signals(one.data, model, ride) - one.known.response(ride, start)
-    around = replace(
-        start, coefficients=EXACT.amplitude / DEFAULT_SPECTRUM.amplitude * start.coefficients
-    )
-    prepared = prepared_filter(one.data, replace(model, spectrum=EXACT), ride, around)
-    return innovations(prepared, signals), prepared.innovation_variance
+def _innovations_known(run: RunData) -> Callable[[Model], tuple[Array, Array]]:
+    build, known = problem_builder(run.data), run.known
+    assert known is not None
+    error_share = REFERENCE_ERROR.amplitude / DEFAULT_SPECTRUM.amplitude
+
+    def under(model: Model) -> tuple[Array, Array]:
+        problem = build(replace(model, spectrum=DEFAULT_SPECTRUM))
+        signals = problem.signals - known.response(problem.run, problem.start)
+        start = replace(problem.start, coefficients=error_share * problem.start.coefficients)
+        gains = replace(problem, spectrum=REFERENCE_ERROR, start=start).gains()
+        return innovations(gains, signals), gains.innovation_variance
+
+    return under

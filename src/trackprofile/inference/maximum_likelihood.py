@@ -75,16 +75,25 @@ def log_likelihood(e: Array, S: Array) -> float:
     return float(-0.5 * np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 
-def slopes(innovations: Innovations, parameters: Array) -> Slopes:
+def slopes(
+    innovations: Innovations, parameters: Array, there: tuple[Array, Array] | None = None
+) -> Slopes:
     """Scores and Fisher information at the parameters.
 
     I_ij = Σ ∂_i e ∂_j e / S + ½ ∂_i S ∂_j S / S²; the derivatives are differences with a step of ``STEP``.
+
+    Parameters
+    ----------
+    parameters : (p,)
+    there : innovations and variances at the parameters, where they are known already
     """
-    e, S = innovations(parameters)
+    e, S = there or innovations(parameters)
+    # Noise and prior come last: in reverse order they meet the transitions kept for ``parameters``.
+    steps = STEP * np.eye(len(parameters))[::-1]
     with ThreadPoolExecutor(max_workers=2) as pool:
-        moved = list(pool.map(innovations, parameters + STEP * np.eye(len(parameters))))
-    de = np.array([(there - e) / STEP for there, _ in moved])
-    dS = np.array([(there - S) / STEP for _, there in moved])
+        moved = list(pool.map(innovations, parameters + steps))[::-1]
+    de = np.array([(moved_e - e) / STEP for moved_e, _ in moved])
+    dS = np.array([(moved_S - S) / STEP for _, moved_S in moved])
     scores = -de * (e / S) - 0.5 * dS * (1 / S - e**2 / S**2)
     information = (de / S) @ de.T + 0.5 * (dS / S**2) @ dS.T
     return Slopes(log_likelihood(e, S), scores, information)
@@ -120,15 +129,14 @@ def maximise(
             damped = curvature + damping * np.diag(np.diag(curvature))
             step = np.clip(np.linalg.solve(damped, gradient), -LARGEST_MOVE, LARGEST_MOVE)
             converged = float(gradient @ step) < enough
-            gained = (
-                height(parameters + step, log_likelihood(*innovations(parameters + step))) - here
-            )
+            trial = innovations(parameters + step)
+            gained = height(parameters + step, log_likelihood(*trial)) - here
             if gained > 0 or converged or damping > 1e8:
                 break
             damping *= 5
         if gained > 0:
             parameters, damping = parameters + step, max(damping / 5, 1e-7)
-            local = slopes(innovations, parameters)
+            local = slopes(innovations, parameters, trial)
         if converged or gained <= 0:
             break
     progress(1.0)

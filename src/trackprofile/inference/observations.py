@@ -11,25 +11,15 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel, channels
 from trackprofile.contracts.validation import steps_of
-from trackprofile.errors import DataError, ModelError
-from trackprofile.kalman.smoother import InitialState, KalmanGains, initial_state, kalman_gains
-from trackprofile.kalman.time_steps import (
-    DiscretisedRun,
-    OffsetWalk,
-    discretise_run,
-    with_offset_variance,
-)
-from trackprofile.models.kinematics import Motion, along_track
+from trackprofile.errors import DataError
+from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
-from trackprofile.models.statespace import FILTER_STATES, StateSpace, state_space
-from trackprofile.models.track import PointTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.positioning.sources import PLACED
 from trackprofile.preprocessing.clock import MENDED
 from trackprofile.preprocessing.fault_detectors import outlying, resolution
 from trackprofile.preprocessing.faults import (
-    GAP,
     LEFT_OUT,
     Fault,
     FaultKind,
@@ -185,83 +175,6 @@ def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
     )  # fmt: skip
 
 
-def loading(track: Track) -> str:
-    """What a profile found on that track is: without give, the path of the wheels is all there is to find."""
-    return "loaded" if isinstance(track, RigidTrack) else "unloaded"
-
-
-@dataclass(frozen=True)
-class Model:
-    """Everything that the likelihood of a recording depends on.
-
-    All noise densities are given; ``unmodelled`` and ``distance_scale`` are those of
-    :class:`trackprofile.models.sensor.Installation`.
-    """
-
-    vehicle: Vehicle
-    track: PointTrack
-    sensors: tuple[Sensor, ...]
-    origin: float
-    unmodelled: float
-    spectrum: Spectrum
-    distance_scale: float = 1.0
-
-
-def leading_wheel_motion(data: Observations, model: Model) -> Motion:
-    """How the leading wheel moved along the track."""
-    return along_track(data.motion, model.origin, model.distance_scale)
-
-
-def tilt_acceleration(sensors: Sequence[Sensor], motion: Motion) -> Array:
-    """What tilted sensors read of the train's own acceleration, (n, sensors)."""
-    return np.outer(motion.acceleration, [sensor.gain_across for sensor in sensors])
-
-
-def filtered_sensors(data: Observations, model: Model) -> tuple[Sensor, ...]:
-    """The model's sensors, with the low-passes that the signals went through."""
-    if not data.low_pass:
-        return model.sensors
-    return tuple(
-        replace(sensor, bandwidth=frequency) if frequency else sensor
-        for sensor, frequency in zip(model.sensors, data.low_pass, strict=True)
-    )
-
-
-def ride_of(data: Observations, model: Model) -> tuple[StateSpace, DiscretisedRun]:
-    """The ride of the model's vehicle through the recorded motion.
-
-    Raises
-    ------
-    DataError
-        Where the recording is shorter than the vehicle.
-    """
-    along = leading_wheel_motion(data, model)
-    run, length = along.distance[-1] - along.distance[0], model.vehicle.length
-    if run < max(length, 4 * KNOT_SPACING):
-        raise DataError(
-            f"The recording covers {run:.1f} m, but from the first to the last wheel of "
-            f"{model.vehicle.name!r} there are {length:.1f} m; record a longer stretch."
-        )
-    loud = signal_rms(data)
-    shaking = unmodelled_deviation(data, model)
-    system = state_space(
-        model.vehicle, model.track, filtered_sensors(data, model), shaking, tuple(loud)
-    )
-    ride = discretise_run(system, along, data.valid, KNOT_SPACING)
-    if system.disturbance.shape[1] > 0:
-        local = np.interp(ride.bay_position, along.distance, local_signal_rms(data, loud))
-        ride = replace(ride, Q=ride.Q * np.square(local)[:, None, None])
-    walk = walk_of(ride, along, model.sensors)
-    return system, with_offset_variance(ride, np.outer(walk.duration, walk.rate**2))
-
-
-def walk_of(ride: DiscretisedRun, motion: Motion, sensors: Sequence[Sensor]) -> OffsetWalk:
-    """How the offsets, last of the states, walk through the bays of a ride."""
-    entered = np.interp(ride.bay_position, motion.distance, motion.time)
-    duration = np.maximum(np.diff(entered, append=motion.time[-1]), 0.0)
-    return OffsetWalk(duration, np.array([sensor.drift_rate for sensor in sensors]))
-
-
 def signal_rms(data: Observations) -> Array:
     """Root mean square of each signal about its mean, (sensors,)."""
     if data.loud is not None:
@@ -294,96 +207,9 @@ def local_signal_rms(data: Observations, loud: Array) -> Array:
     return np.asarray(np.sqrt(mean_power), np.float64)
 
 
-def unmodelled_deviation(data: Observations, model: Model) -> float:
-    """Standard deviation of the unmodelled acceleration, m/s²: a share of what is measured on the first body."""
-    if model.unmodelled == 0.0:
-        return 0.0
-    i = first_body_channel(model.vehicle, data.sensors)
-    if i is None:
-        raise ModelError(
-            f"Unmodelled acceleration is a share of what is measured on {model.vehicle.bodies[0].name!r}, where the "
-            "recording has no accelerometer; set unmodelled to 0 in the installation."
-        )
-    return float(model.unmodelled * signal_rms(data)[i])
-
-
 def first_body_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
     """Index of the first accelerometer on the vehicle's first body, if there is one."""
     for i, sensor in enumerate(sensors):
         if (sensor.body, sensor.quantity) == (vehicle.bodies[0].name, VERTICAL_ACCELERATION):
             return i
     return None
-
-
-def prepared_filter(
-    data: Observations, model: Model, ride: DiscretisedRun, start: InitialState
-) -> KalmanGains:
-    """The smoother for that ride, with each sample's noise."""
-    return kalman_gains(ride, model.spectrum, row_variance(data, model, ride), start)
-
-
-def start_of(
-    data: Observations, model: Model, system: StateSpace, ride: DiscretisedRun
-) -> InitialState:
-    """The prior of the first state, with the spread of unmodelled accelerations, filters, flicker and offsets."""
-    loud = signal_rms(data)
-    most = float(np.max(local_signal_rms(data, loud)))
-    residuals = [
-        one.residual.share * v if one.residual else 0.0
-        for one, v in zip(model.sensors, loud, strict=True)
-    ]
-    behind = filtered_sensors(data, model)
-    low_passes = [v if one.bandwidth else 0.0 for one, v in zip(behind, loud, strict=True)]
-    kinds = system.disturbance.shape[1] - sum(value > 0 for value in residuals)
-    filters = [most * unmodelled_deviation(data, model)] * kinds
-    filters += [most * float(value) for value in residuals if value]
-    filters += [float(value) for value in low_passes if value]
-    offsets = [sensor.offset_standard_deviation for sensor in model.sensors]
-    others = np.array([*np.repeat(filters, FILTER_STATES), *np.sqrt(system.flicker), *offsets])
-    return initial_state(system, model.spectrum, ride, others)
-
-
-def row_variance(data: Observations, model: Model, ride: DiscretisedRun) -> Array:
-    """Noise of each row: N² · max(1/(2 Δt), bandwidth), and step²/12 where recorded in steps.
-
-    Sampled more slowly than its own filter passes, a sensor folds all its noise into each sample.
-    """
-    variance = np.empty(data.signals.shape)
-    for i, sensor in enumerate(model.sensors):
-        if sensor.noise_density is None:
-            raise DataError(f"Channel {sensor.name!r}: its noise density is not known.")
-        interval = sampling_intervals(data.motion.time, data.valid[:, i])
-        passed = np.maximum(0.5 / interval, sensor.bandwidth or 0.0)
-        if data.limits is not None:
-            passed = np.minimum(passed, data.limits[i])
-        variance[:, i] = (
-            sensor.noise_density**2 * passed + np.square(data.step[:, i], dtype=np.float64) / 12.0
-        )
-    return variance[ride.samples, ride.sensors]
-
-
-def sampling_intervals(time: Array, valid: Mask) -> Array:
-    """Interval at which a sensor was sampled, (n,) in s: half the time between the valid samples beside each.
-
-    Beside a gap it is that of the other side; 1 where the sample is not valid.
-
-    Examples
-    --------
-    >>> sampling_intervals(np.array([0.0, 0.1, 0.2, 0.3, 0.9, 1.0]), np.ones(6, bool))
-    array([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
-    """
-    interval = np.ones(len(time))
-    at = time[valid]
-    if len(at) < 2:
-        return interval
-    apart = np.diff(at)
-    before, after = np.r_[apart[0], apart], np.r_[apart, apart[-1]]
-    gap = np.maximum(before, after) > GAP * np.minimum(before, after)
-    interval[valid] = np.where(gap, np.minimum(before, after), 0.5 * (before + after))
-    return interval
-
-
-def row_signals(data: Observations, model: Model, ride: DiscretisedRun) -> Array:
-    """The measured signals by row, without the train's own acceleration in tilted sensors, (rows, 1)."""
-    own = tilt_acceleration(model.sensors, leading_wheel_motion(data, model))
-    return (data.signals - own)[ride.samples, ride.sensors][:, None]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.arrays import runs
-from trackprofile.inference.observations import Model, Observations
+from trackprofile.inference.observations import Observations
+from trackprofile.inference.problem import Model
 from trackprofile.kalman.robust import LOUDER, NoiseWeights
 from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.preprocessing.faults import Fault, FaultKind

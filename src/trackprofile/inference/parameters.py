@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
-from trackprofile.inference.observations import Model
+from trackprofile.inference.problem import Model
 from trackprofile.models.sensor import UNITS, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.track import ElasticTrack
 from trackprofile.models.vehicle import OF_ROLL, parameter_values, with_parameters

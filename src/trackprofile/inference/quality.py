@@ -9,12 +9,8 @@ from numpy.typing import NDArray
 
 from trackprofile.bands import D1, Band, edge_distance
 from trackprofile.contracts import Quality
-from trackprofile.inference.observations import (
-    KNOT_SPACING,
-    Model,
-    Observations,
-    leading_wheel_motion,
-)
+from trackprofile.inference.observations import KNOT_SPACING, Observations
+from trackprofile.inference.problem import Model, leading_wheel_motion
 from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.models.spectrum import Spectrum, markov
 from trackprofile.models.vehicle import Vehicle

@@ -8,21 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.inference.observations import (
-    Model,
-    Observations,
-    prepared_filter,
-    ride_of,
-    row_signals,
-    start_of,
-)
+from trackprofile.inference.observations import Observations
 from trackprofile.inference.parameters import (
     calibrated_parameters,
     select_parameters,
     values_of,
     with_values,
 )
-from trackprofile.kalman.smoother import smooth
+from trackprofile.inference.problem import Model, problem_builder
+from trackprofile.kalman.smoother import SmoothingProblem, smooth
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 
 Array = NDArray[np.float64]
@@ -59,10 +53,10 @@ def vehicle_sensitivity(
     covariance = np.asarray(sure.covariance, np.float64)[np.ix_(order, order)]
     values, directions = np.linalg.eigh(covariance)
     centre = values_of(model, parameters)
-    columns = []
+    columns, build = [], problem_builder(data)
     for k, step in enumerate((directions * np.sqrt(np.maximum(values, 0.0))).T):
         progress("carrying over the vehicle's uncertainty", k / len(values))
-        moved = _profile(data, with_values(model, parameters, centre + step), place)
+        moved = _profile(build(with_values(model, parameters, centre + step)), place)
         columns.append(moved - elevation)
     return np.stack(columns, axis=1)
 
@@ -92,10 +86,7 @@ def _here(name: str, calibrated: Sequence[Sensor], recorded: Sequence[Sensor]) -
     return name
 
 
-def _profile(data: Observations, model: Model, place: Array) -> Array:
-    """The profile under that model, (knots,) at ``place``."""
-    system, ride = ride_of(data, model)
-    prepared = prepared_filter(data, model, ride, start_of(data, model, system, ride))
-    found = smooth(prepared, row_signals(data, model, ride)).elevation[:, 0]
-    knots = ride.spacing * (ride.first_knot + np.arange(ride.knots, dtype=np.float64))
-    return np.interp(place, knots, found)
+def _profile(problem: SmoothingProblem, place: Array) -> Array:
+    """Smoothed profile of that problem, (knots,) m at ``place``."""
+    elevation = smooth(problem.gains(), problem.signals).elevation[:, 0]
+    return np.interp(place, problem.run.knot_position, elevation)

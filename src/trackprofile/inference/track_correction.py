@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from trackprofile.errors import ModelError
-from trackprofile.inference.observations import Model, Observations, leading_wheel_motion
+from trackprofile.inference.observations import Observations
+from trackprofile.inference.problem import Model, leading_wheel_motion
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.track import LayeredTrack, Track

@@ -17,16 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.kalman.smoother import (
-    InitialState,
     KalmanGains,
     PosteriorVariances,
     SmootherResult,
+    SmoothingProblem,
     kalman_gains,
     posterior_variances,
     smooth,
 )
 from trackprofile.kalman.time_steps import DiscretisedRun, OffsetWalk, with_offset_variance
-from trackprofile.models.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -113,38 +112,25 @@ class RobustResult:
     rounds: int
 
 
-def smooth_robustly(
-    ride: DiscretisedRun,
-    spectrum: Spectrum,
-    variance: Array,
-    start: InitialState,
-    signals: Array,
-    walk: OffsetWalk,
-) -> RobustResult:
-    """Smooth, weigh down what disagrees, and again until nothing changes.
-
-    Parameters
-    ----------
-    variance : (rows,), of each row's noise as the sensors have it
-    signals : (rows, 1)
-    walk : of the offsets, as the ride has it
-    """
+def smooth_robustly(problem: SmoothingProblem) -> RobustResult:
+    """Smooth, down-weight what disagrees, and repeat until the weights no longer change."""
+    run, variance, walk = problem.run, problem.variance, problem.walk
     weights = NoiseWeights(
         np.ones_like(variance),
         np.zeros_like(variance),
-        np.zeros((len(ride.F), ride.offsets)),
-        np.zeros(ride.offsets),
+        np.zeros((len(run.F), run.offsets)),
+        np.zeros(run.offsets),
     )
-    rounds, before = 0, np.full(ride.offsets, np.inf)
+    rounds, before = 0, np.full(run.offsets, np.inf)
     while True:
         rounds += 1
         noise = weights.noise(variance)
         wandering = with_offset_variance(
-            ride, weights.jumps + np.outer(walk.duration, weights.drift)
+            run, weights.jumps + np.outer(walk.duration, weights.drift)
         )
-        prepared = kalman_gains(wandering, spectrum, noise, start)
-        smoothed, judged = smooth(prepared, signals), posterior_variances(prepared)
-        again, left = _judged(weights, ride, variance, noise, smoothed, judged)
+        prepared = kalman_gains(wandering, problem.spectrum, noise, problem.start)
+        smoothed, judged = smooth(prepared, problem.signals), posterior_variances(prepared)
+        again, left = _judged(weights, run, variance, noise, smoothed, judged)
         shown = _wandering(smoothed, judged, walk)
         if rounds > FREE_ROUNDS:
             again = _held(again, weights, variance)

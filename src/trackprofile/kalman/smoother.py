@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from trackprofile.kalman import kernels as recursions
 from trackprofile.kalman import simulation_kernels as forward_kernels
-from trackprofile.kalman.time_steps import DiscretisedRun
+from trackprofile.kalman.time_steps import DiscretisedRun, OffsetWalk
 from trackprofile.kalman.transition_kernels import COLUMNS, spline_weights
 from trackprofile.models.spectrum import MarkovProfile, Spectrum, markov
 from trackprofile.models.statespace import StateSpace, state_response
@@ -94,6 +94,32 @@ class PosteriorVariances:
     elevation: Array
     precision: Array
     offset_precision: Array
+
+
+@dataclass(frozen=True)
+class SmoothingProblem:
+    """A run with all that the smoother needs to know of it.
+
+    Parameters
+    ----------
+    run : transitions and measurement rows
+    spectrum : prior of the profile
+    variance : (rows,), noise of each row, sensor's unit squared
+    start : prior of the first state
+    signals : (rows, 1), measured
+    walk : random walk of the offsets that ``run`` includes
+    """
+
+    run: DiscretisedRun
+    spectrum: Spectrum
+    variance: Array
+    start: InitialState
+    signals: Array
+    walk: OffsetWalk
+
+    def gains(self) -> KalmanGains:
+        """Kalman gains of the problem as it stands."""
+        return kalman_gains(self.run, self.spectrum, self.variance, self.start)
 
 
 def initial_state(

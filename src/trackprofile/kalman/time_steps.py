@@ -75,6 +75,11 @@ class DiscretisedRun:
         """How many knots the ride determines or passes."""
         return len(self.F) + self.ring - 3
 
+    @property
+    def knot_position(self) -> Array:
+        """Position of every knot, (knots,) m."""
+        return self.spacing * (self.first_knot + np.arange(self.knots, dtype=np.float64))
+
 
 @dataclass(frozen=True)
 class OffsetWalk:

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from trackprofile.contracts import Quality, build_profile, with_provenance
 from trackprofile.errors import DataError
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.inference.observations import loading, observations
+from trackprofile.inference.observations import observations
 from trackprofile.inference.orientation import expect_as_described
 from trackprofile.inference.outliers import describe_observations
+from trackprofile.inference.problem import loading
 from trackprofile.inference.rail_decomposition import mean_observations
 from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
 from trackprofile.methods.cross_entropy.forward_model import Trial, trial

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
-from trackprofile.inference.observations import Observations, tilt_acceleration
+from trackprofile.inference.observations import Observations
+from trackprofile.inference.problem import tilt_acceleration
 from trackprofile.methods.cross_entropy.search import Search
 from trackprofile.models.kinematics import along_track
 from trackprofile.models.sensor import Installation
