@@ -23,7 +23,7 @@ from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.bands import BANDS, gain
-from trackprofile.contracts import Quality, build_profile, fingerprint
+from trackprofile.contracts import Quality, build_profile, content_digest
 from trackprofile.io.model_toml import presets, read_roughness
 from trackprofile.store import AddResult, Origin, PassKey, Store
 
@@ -136,7 +136,7 @@ def fill(
             whole = network.measured(line, number, track)
             for piece in _pieces(whole, network.recording):
                 origin = Origin(
-                    fingerprint(piece), f"run-{line}-{number}.nc", piece.attrs["vehicle"], "smoother", "rigid",
+                    content_digest(piece), f"run-{line}-{number}.nc", piece.attrs["vehicle"], "smoother", "rigid",
                     "german-low", limits.name, SPEED, hashlib.sha256(b"simulated").hexdigest()[:16],
                 )  # fmt: skip
                 place = PassKey(network.name(line), "up", network.day(number), "06:12")

@@ -12,7 +12,7 @@ from conftest import Run
 from network import Network
 from trackprofile import read, write
 from trackprofile import store as stores
-from trackprofile.contracts import fingerprint
+from trackprofile.contracts import content_digest
 
 PASS = ("--line", "Main / North", "--direction", "up", "--day", "2026-05-31", "--speed", "140 km/h")
 
@@ -287,4 +287,4 @@ def test_a_profile_without_a_recording_is_known_by_itself(
     write(profile, tmp_path / "may.csv")
     run("add", tmp_path / "may.csv", "--store", tmp_path / "S", *PASS)
     (entry,) = stores.find(stores.open_store(str(tmp_path / "S")))
-    assert entry.origin.recording == fingerprint(read(tmp_path / "may.csv"))
+    assert entry.origin.recording == content_digest(read(tmp_path / "may.csv"))

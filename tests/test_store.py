@@ -28,7 +28,7 @@ from trackprofile.contracts import (
     Rail,
     RailLevel,
     build_profile,
-    fingerprint,
+    content_digest,
     rails_of,
     with_rails,
 )
@@ -48,7 +48,7 @@ NETWORK = Network(1, 600.0, 2)
 
 def judged(profile: xr.Dataset) -> Assessment:
     """By the limits, each profile once."""
-    key = fingerprint(profile)
+    key = content_digest(profile)
     if key not in _JUDGED:
         _JUDGED[key] = assess(profile, LIMITS, SPEED)
     return _JUDGED[key]
@@ -60,7 +60,7 @@ _JUDGED: dict[str, Assessment] = {}
 def stored(
     store: Store, profile: xr.Dataset, place: PassKey = PLACE, **origin: object
 ) -> stores.AddResult:
-    made = Origin(**({"recording": fingerprint(profile)} | origin))  # type: ignore[arg-type]
+    made = Origin(**({"recording": content_digest(profile)} | origin))  # type: ignore[arg-type]
     return stores.add(store, place, profile, judged(profile), made)
 
 
@@ -241,7 +241,7 @@ def test_nothing_in_the_bytes_tells_when_or_where_they_were_written(tmp_path: Pa
 
 
 def test_another_vehicle_is_a_version_beside(store: Store, profile: xr.Dataset) -> None:
-    recording = fingerprint(profile)
+    recording = content_digest(profile)
     first = stored(store, profile, vehicle="coach", software="0.9.1").entry
     later = stored(store, profile, vehicle="coach", software="0.10.0")
     old = stored(store, profile, vehicle="locomotive", software="0.9.0")
@@ -281,7 +281,7 @@ def test_recordings_of_a_run_may_share_their_ends(store: Store) -> None:
 def test_another_stretch_of_a_recording_needs_a_run_of_its_own(
     store: Store, profile: xr.Dataset
 ) -> None:
-    recording = fingerprint(profile)
+    recording = content_digest(profile)
     stored(store, profile.isel(distance=slice(0, 1200)), recording=recording)
     rest = profile.isel(distance=slice(1200, None))
     with pytest.raises(DataError, match="give the other stretch of the recording a run of its own"):
@@ -292,7 +292,7 @@ def test_another_stretch_of_a_recording_needs_a_run_of_its_own(
 def test_an_assessment_of_another_profile_is_refused(store: Store, profile: xr.Dataset) -> None:
     piece = profile.isel(distance=slice(0, 1000))
     with pytest.raises(DataError, match="assess the profile that is to be stored"):
-        stores.add(store, PLACE, profile, judged(piece), Origin(fingerprint(profile)))
+        stores.add(store, PLACE, profile, judged(piece), Origin(content_digest(profile)))
     assert stores.find(store) == ()
 
 
@@ -342,7 +342,7 @@ def test_tables_of_passes_judged_by_different_classes_stand_together(store: Stor
         replace(PLACE, run="7"),
         rough,
         assess(rough, no_classes, SPEED),
-        Origin(fingerprint(rough)),
+        Origin(content_digest(rough)),
     ).entry
     rows = stores.sections(store, [one, other])
     assert len({len(column) for column in rows.values()}) == 1
@@ -355,7 +355,7 @@ def test_kilometres_and_coordinates_stand_in_the_tables(store: Store) -> None:
     rough = build_profile(*_dipped(), kind="truth")
     way = ChainageTable([0.0, 1000.0], [12.0, 11.0], [0.0, 1000.0], [52.0, 52.01], [13.0, 13.0])
     entry = stores.add(
-        store, PLACE, rough, judged(rough), Origin(fingerprint(rough)), way=way
+        store, PLACE, rough, judged(rough), Origin(content_digest(rough)), way=way
     ).entry
     rows = stores.defects(store, [entry])
     assert rows["peak_kilometre"][0] == pytest.approx(11.9, abs=0.01)
@@ -636,7 +636,7 @@ def test_many_may_add_and_read_at_once(tmp_path: Path) -> None:
     passes = [NETWORK.passed(0, number) for number in range(4)]
     places = [replace(PLACE, day=NETWORK.day(number)) for number in range(4)]
     found = [judged(one) for one in passes]
-    origins = [Origin(fingerprint(one)) for one in passes]
+    origins = [Origin(content_digest(one)) for one in passes]
     for made in zip(places, passes, found, origins, strict=True):
         stores.add(alone, *made)
 

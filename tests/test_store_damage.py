@@ -21,7 +21,7 @@ from network import SPEED, Network, fill
 from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
-from trackprofile.contracts import fingerprint
+from trackprofile.contracts import content_digest
 from trackprofile.errors import FileError
 from trackprofile.store import Origin, PassKey, Store, StoreProblem
 from trackprofile.store.entry import document
@@ -32,7 +32,7 @@ NETWORK = Network(1, 600.0, 3)
 PROFILE = NETWORK.passed(0, 0)
 FOUND = assess(PROFILE, read_limits("en-13848"), SPEED)
 PLACE = PassKey("Main", "up", date(2026, 5, 1))
-ORIGIN = Origin(fingerprint(PROFILE))
+ORIGIN = Origin(content_digest(PROFILE))
 PASS = (PLACE, PROFILE, FOUND, ORIGIN)
 
 
@@ -220,7 +220,7 @@ def test_two_recordings_of_one_run_are_found_even_if_they_came_at_once(
     other = NETWORK.passed(0, 1)
     beside = stores.create(str(tmp_path / "beside"))
     found = assess(other, read_limits("en-13848"), SPEED)
-    entry = stores.add(beside, PLACE, other, found, Origin(fingerprint(other))).entry
+    entry = stores.add(beside, PLACE, other, found, Origin(content_digest(other))).entry
     for path in (*entry.paths, entry.path(ENTRIES)):
         store.files.put(path, beside.files.read(path))
     problems = stores.verify(store)

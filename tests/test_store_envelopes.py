@@ -13,7 +13,7 @@ from network import Network
 from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
-from trackprofile.contracts import Quality, build_profile, fingerprint
+from trackprofile.contracts import Quality, build_profile, content_digest
 from trackprofile.errors import DataError
 from trackprofile.store import Entry, Origin, PassKey, Store
 from trackprofile.store.envelopes import BIN, STEP, bin_size
@@ -43,7 +43,7 @@ def kept() -> tuple[Store, Entry]:
     )
     store = stores.create("memory://strips")
     found = assess(profile, read_limits("en-13848"), 40.0)
-    origin = Origin(fingerprint(profile))
+    origin = Origin(content_digest(profile))
     return store, stores.add(
         store, PassKey("Main", "up", date(2026, 5, 1)), profile, found, origin
     ).entry
@@ -112,7 +112,7 @@ def test_two_passes_have_the_same_bins(kept: tuple[Store, Entry]) -> None:
     other = Network(1, LENGTH, 1, seed=2).passed(0, 0)
     found = assess(other, read_limits("en-13848"), 40.0)
     second = stores.add(
-        store, PassKey("Main", "up", date(2026, 5, 2)), other, found, Origin(fingerprint(other))
+        store, PassKey("Main", "up", date(2026, 5, 2)), other, found, Origin(content_digest(other))
     ).entry
     one, two = (stores.envelope(store, each, "D1", 0.0, 2500.0, 300) for each in (entry, second))
     assert one.bin == two.bin == 16.0 >= BIN
@@ -124,7 +124,7 @@ def test_a_narrow_view_shows_the_points_themselves(kept: tuple[Store, Entry]) ->
     even = Network(1, 600.0, 1).passed(0, 0)
     found = assess(even, read_limits("en-13848"), 40.0)
     entry = stores.add(
-        store, PassKey("Other", "up", date(2026, 5, 2)), even, found, Origin(fingerprint(even))
+        store, PassKey("Other", "up", date(2026, 5, 2)), even, found, Origin(content_digest(even))
     ).entry
     drawn = stores.envelope(store, entry, "elevation", 100.0, 200.0, 1000)
     piece = stores.read_profile(store, entry, 100.0, 200.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import os
@@ -18,6 +17,7 @@ import numpy as np
 import xarray as xr
 
 from trackprofile import __version__
+from trackprofile.contracts.identity import content_digest, digest
 from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
 from trackprofile.inference.blocks import BlockResult
@@ -107,16 +107,17 @@ def checkpoint_store(
     return kept, (f"going on after {len(kept)} blocks that are there already",)
 
 
-def checkpoint_key(recording: xr.Dataset, **given: object) -> str:
-    """A name for all that a result depends on: the recording's numbers, everything given, and this version."""
-    seal = hashlib.sha256()
-    for name, variable in sorted(recording.variables.items(), key=lambda one: str(one[0])):
-        attributes = sorted((str(key), repr(value)) for key, value in variable.attrs.items())
-        seal.update(repr((str(name), variable.dtype.str, attributes)).encode())
-        seal.update(np.ascontiguousarray(variable.to_numpy()).data)
-    lengths = (blocks.LENGTH, blocks.OVERLAP, blocks.FADE)
-    seal.update(repr((sorted(given.items()), lengths, __version__, np.__version__)).encode())
-    return seal.hexdigest()
+def checkpoint_key(recording: xr.Dataset, **options: object) -> str:
+    """Digest of all that a result depends on: recording, options, block lengths and software versions."""
+    attributes = {str(name): variable.attrs for name, variable in recording.variables.items()}
+    return digest(
+        {
+            "recording": [content_digest(recording), attributes],
+            "options": options,
+            "blocks": [blocks.LENGTH, blocks.OVERLAP, blocks.FADE],
+            "versions": [__version__, np.__version__],
+        }
+    )
 
 
 def _key_in(folder: Path) -> Any:

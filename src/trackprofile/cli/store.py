@@ -255,10 +255,10 @@ def _origin(
     profile: xr.Dataset, source: str, found: Assessment, way: ChainageTable, revision: int
 ) -> Origin:
     """Of a profile in a file: by the recording that it names, else by itself."""
-    from trackprofile.contracts import fingerprint
+    from trackprofile.contracts import content_digest
     from trackprofile.store import Origin, digest
 
-    own = fingerprint(profile)
+    own = content_digest(profile)
     return Origin(
         recording=str(profile.attrs.get("recording", own)),
         source=source,

@@ -15,8 +15,10 @@ both                       ``distance_deviation``, how well each place is known
 =========  ==============  ===========================================================
 """
 
+from trackprofile.contracts.identity import content_digest as content_digest
+from trackprofile.contracts.identity import legacy_fingerprint as legacy_fingerprint
+from trackprofile.contracts.identity import recording_identity as recording_identity
 from trackprofile.contracts.operations import between as between
-from trackprofile.contracts.operations import fingerprint as fingerprint
 from trackprofile.contracts.operations import validated as validated
 from trackprofile.contracts.operations import with_provenance as with_provenance
 from trackprofile.contracts.profile import KINDS as KINDS

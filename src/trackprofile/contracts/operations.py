@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 
 import numpy as np
 import xarray as xr
 
 from trackprofile.arrays import integral
+from trackprofile.contracts.identity import IDENTITY, recording_identity, stretch_identity
 from trackprofile.contracts.rates import validate_rate
 from trackprofile.contracts.recording import validate_recording
 from trackprofile.contracts.validation import said, steps_of
@@ -42,27 +42,6 @@ def with_provenance(dataset: xr.Dataset, step: str) -> xr.Dataset:
     """
     steps = [*steps_of(dataset), step]
     return dataset.assign_attrs(provenance=json.dumps(steps, ensure_ascii=False))
-
-
-def fingerprint(dataset: xr.Dataset) -> str:
-    """What tells a recording or profile from all others: the SHA-256 of its numbers, 64 hexadecimal digits.
-
-    Where it was read from, what it is called and what is said about it make no difference.
-
-    Examples
-    --------
-    >>> from trackprofile.contracts import build_profile
-    >>> one, other = (build_profile([0, 1], [0, end], kind="truth") for end in (1e-3, 2e-3))
-    >>> fingerprint(one) == fingerprint(with_provenance(one, "copied")), fingerprint(one) == fingerprint(other)
-    (True, False)
-    """
-    seal = hashlib.sha256()
-    for name, variable in sorted(dataset.variables.items(), key=lambda one: str(one[0])):
-        values = np.ascontiguousarray(variable.to_numpy())
-        values = values.astype(values.dtype.newbyteorder("<"))
-        seal.update(json.dumps([str(name), values.dtype.str, values.shape]).encode())
-        seal.update(values.data)
-    return seal.hexdigest()
 
 
 def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr.Dataset:
@@ -103,4 +82,6 @@ def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr
         )
     piece = dataset.isel({dataset["distance"].dims[0]: inside})
     piece = with_provenance(piece, f"between {low:g} m and {high:g} m")
+    if IDENTITY in dataset.attrs:
+        piece.attrs[IDENTITY] = stretch_identity(recording_identity(dataset), from_m, to_m)
     return validated(piece)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackprofile.contracts import between, fingerprint
+from trackprofile.contracts import between, recording_identity
 from trackprofile.errors import DataError, TrackprofileError
 from trackprofile.fleet.job import Row, recording_of
 from trackprofile.store import PassKey
@@ -53,7 +53,7 @@ def check_conflicts(rows: Sequence[Row]) -> None:
 def _claim(row: Row) -> _Claim:
     recording = recording_of(row)
     run = between(recording, -np.inf, None)["distance"].to_numpy() + row.offset
-    return _Claim(row, fingerprint(recording), float(run[0]), float(run[-1]))
+    return _Claim(row, recording_identity(recording), float(run[0]), float(run[-1]))
 
 
 def _check(one: _Claim, other: _Claim) -> None:

@@ -215,11 +215,11 @@ def means_of(row: Row, recording: xr.Dataset) -> ProcessingSettings:
 
 
 def _origin(row: Row, recording: xr.Dataset, means: ProcessingSettings) -> Origin:
-    from trackprofile.contracts import fingerprint
+    from trackprofile.contracts import recording_identity
     from trackprofile.store import Origin
 
     return Origin(
-        recording=fingerprint(recording),
+        recording=recording_identity(recording),
         source=row.file.name,
         vehicle=means.vehicle.name,
         method="smoother",

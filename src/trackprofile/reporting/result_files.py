@@ -10,7 +10,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts import Quality, Rail, fingerprint, of_rail, rails_of
+from trackprofile.contracts import (
+    Quality,
+    Rail,
+    legacy_fingerprint,
+    of_rail,
+    rails_of,
+    recording_identity,
+)
+from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
@@ -79,7 +87,12 @@ def write_estimate(
     FileError : as of `estimate_files`.
     """
     files = estimate_files(profile)
-    made = estimate.profile.assign_attrs(recording=fingerprint(recording))
+    made = estimate.profile.assign_attrs(
+        {
+            RECORDING: recording_identity(recording),
+            RECORDING_FINGERPRINT: legacy_fingerprint(recording),
+        }
+    )
     shown = _as_taken(recording, estimate.taken)
     drawn = (made, shown, estimate.sample_distance, estimate.reproduced)
     page, picture = profile_figure(*drawn), profile_picture(*drawn)

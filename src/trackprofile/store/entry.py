@@ -29,7 +29,7 @@ class Origin:
 
     Parameters
     ----------
-    recording : SHA-256 of its content, as of `trackprofile.contracts.fingerprint`, 64 hexadecimal digits
+    recording : its identity, as of `trackprofile.contracts.recording_identity`, 64 hexadecimal digits
     source : where it was read from, for people; it tells no two passes apart
     vehicle, method, track, prior, limits : in words
     speed : of the line, that limits were taken for [m/s]
