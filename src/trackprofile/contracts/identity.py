@@ -252,10 +252,11 @@ def _pairs(mapping: Mapping[Any, Any]) -> Iterator[list[Any]]:
 
 
 def _number_bytes(values: NDArray[Any]) -> memoryview:
+    """Little-endian bytes of numbers, every NaN as the same one."""
     little_endian = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
     if little_endian.dtype.kind == "f" and (missing := np.isnan(little_endian)).any():
         little_endian = np.where(missing, little_endian.dtype.type(np.nan), little_endian)
-    return memoryview(little_endian.view(np.uint8))
+    return little_endian.view(np.uint8).data
 
 
 def _text_bytes(texts: NDArray[Any]) -> bytes:
