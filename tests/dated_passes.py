@@ -13,7 +13,7 @@ from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.bands import BANDS
 from trackprofile.contracts import Quality, build_profile
 from trackprofile.io.model_toml import read_spectrum
-from trackprofile.models.irregularity import random
+from trackprofile.models.irregularity import random_irregularity
 from trackprofile.store import Entry, Origin, PassKey, Store, add
 
 EN, SPEED = read_limits("en-13848"), 140 / 3.6
@@ -36,7 +36,7 @@ def dip(at: np.ndarray, place: float, depth: float, half: float = 2.5) -> np.nda
 
 def level(at: np.ndarray, months: float, seed: int = 3) -> np.ndarray:
     """The true track some months after the first pass [m]; distances from the line's start."""
-    rough = random(read_spectrum("fra-6"), seed, 2.0, 150.0, length=LENGTH).at(at)[0]
+    rough = random_irregularity(read_spectrum("fra-6"), seed, 2.0, 150.0, length=LENGTH).at(at)[0]
     hollows = dip(at, DEEP, 0.045) + dip(at, SHALLOW, 0.018) - dip(at, CREST, 0.022)
     return 0.7 * rough + hollows + dip(at, SETTLES, 0.008 + 0.0025 * months, 3.0)
 

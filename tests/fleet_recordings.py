@@ -11,10 +11,10 @@ from trackprofile.contracts import Channel, build_recording
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.integrate import newmark
-from trackprofile.models.irregularity import random
+from trackprofile.models.irregularity import random_irregularity
 from trackprofile.models.receptance import point_track
-from trackprofile.simulation.drive import Drive
-from trackprofile.simulation.simulate import RunSettings, Simulation, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, Simulation, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import SpeedSchedule
 
 VEHICLES = ("velaro", "multiple-unit", "intercity-coach")
 SPEEDS = (24.0, 31.0, 38.0)  # m/s, mean
@@ -38,16 +38,18 @@ def ride(number: int, length: float) -> Ride:
     vehicle, track = read_vehicle(name)[0], point_track(read_track("zhai"))
     times = np.arange(0.0, length / mean * 1.5 + 40.0, 20.0)
     swing = mean * (1 + 0.2 * (-1.0) ** np.arange(len(times)))
-    drive = Drive(tuple(times.tolist()), tuple(swing.tolist()))
-    level = random(read_spectrum("german-low"), 5, 1.5, 250.0, length=length + 2 * RUN_IN)
+    schedule = SpeedSchedule(tuple(times.tolist()), tuple(swing.tolist()))
+    level = random_irregularity(
+        read_spectrum("german-low"), 5, 1.5, 250.0, length=length + 2 * RUN_IN
+    )
     made = simulate(
         vehicle,
         track,
         level,
-        RunSettings(0.0, length, drive, run_in=RUN_IN, every=EVERY),
+        RunSettings(0.0, length, schedule, run_in=RUN_IN, every=EVERY),
         newmark(STEP),
     )
-    return Ride(name, made, tuple(felt(made, vehicle, sensor) for sensor in SENSORS))
+    return Ride(name, made, tuple(sensor_signal(made, vehicle, sensor) for sensor in SENSORS))
 
 
 def write_recording(one: Ride, seed: int, path: Path) -> None:

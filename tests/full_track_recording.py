@@ -10,31 +10,31 @@ import xarray as xr
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.io.model_toml import read_track, read_vehicle
 from trackprofile.models.integrate import newmark
-from trackprofile.models.irregularity import random
+from trackprofile.models.irregularity import random_irregularity
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import Track
-from trackprofile.simulation.drive import Drive, steady
-from trackprofile.simulation.simulate import RunSettings, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import SpeedSchedule, constant_speed
 
 VELARO = read_vehicle("velaro")[0]
 LAYERED = read_track("zhai-layered")
-STEADY = steady(150 / 3.6)
+STEADY = constant_speed(150 / 3.6)
 STEP, SAMPLING = 1e-3, 500.0  # s, Hz
 
 
 def recorded(
-    length: float, seed: int, spectrum: Spectrum, sensors: Sequence[Sensor], drive: Drive = STEADY,
+    length: float, seed: int, spectrum: Spectrum, sensors: Sequence[Sensor], schedule: SpeedSchedule = STEADY,
     *, track: Track = LAYERED, shortest: float = 1.5,
 ) -> tuple[xr.Dataset, xr.Dataset]:  # fmt: skip
     """The simulation's signals with noise, every 2 ms, and the unloaded profile, of waves from ``shortest`` m."""
-    irregularity = random(spectrum, seed, shortest, 300.0, length=length + 500.0)
-    run = RunSettings(0.0, length, drive, run_in=200.0, every=round(1 / SAMPLING / STEP))
+    irregularity = random_irregularity(spectrum, seed, shortest, 300.0, length=length + 500.0)
+    run = RunSettings(0.0, length, schedule, run_in=200.0, every=round(1 / SAMPLING / STEP))
     made = simulate(VELARO, track, irregularity, run, newmark(STEP))
     generator = np.random.default_rng(seed)
     channels = []
     for sensor in sensors:
-        exact = felt(made, VELARO, sensor)
+        exact = sensor_signal(made, VELARO, sensor)
         assert sensor.noise_density is not None
         noise = sensor.noise_density * np.sqrt(SAMPLING / 2) * generator.standard_normal(len(exact))
         channels.append(

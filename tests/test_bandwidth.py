@@ -22,7 +22,7 @@ from trackprofile.inference.problem import Model
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation
-from trackprofile.models.spectrum import scaled
+from trackprofile.models.spectrum import scale_density
 from trackprofile.models.vehicle import parameter_values, with_parameters
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
@@ -41,7 +41,7 @@ def model(spectrum=SPECTRUM, vehicle=VELARO) -> Model:
 
 def test_level_of_the_profile_is_told_by_the_spectra_of_the_signals(recording: xr.Dataset) -> None:
     data = [observations(recording, Installation())]
-    _, found = spectral_fit(data, model(scaled(SPECTRUM, 30.0)))
+    _, found = spectral_fit(data, model(scale_density(SPECTRUM, 30.0)))
     ratio = found.density(np.array([1.0])) / SPECTRUM.density(np.array([1.0]))
     assert ratio == pytest.approx(1.0, rel=0.3)
 

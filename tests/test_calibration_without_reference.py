@@ -19,7 +19,7 @@ from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.vehicle import Vehicle, parameter_values, with_parameters
-from trackprofile.simulation.drive import Drive
+from trackprofile.simulation.speed_schedule import SpeedSchedule
 from trackprofile.units import STANDARD_GRAVITY
 
 FRA_5, TRACK = read_spectrum("fra-5"), read_track("zhai-layered")
@@ -28,7 +28,7 @@ TRUE = parameter_values(VELARO)
 # The wheelset is felt through k_t only, and the body's mass sets the scale of all others.
 SOUGHT = [name for name in TRUE if name not in ("wheelset mass", "body mass")]
 EDGE = 150.0  # m, left out at both ends
-BRAKING = Drive((0.0, 5.0, 40.0), (45.0, 45.0, 20.0))
+BRAKING = SpeedSchedule((0.0, 5.0, 40.0), (45.0, 45.0, 20.0))
 
 
 def wrong_by_30_percent(seed: int) -> Vehicle:
@@ -61,8 +61,8 @@ class Outcome:
     seconds: float
 
 
-def outcome(seed: int, drive: Drive) -> Outcome:
-    recording, truth = recorded(1000.0, seed, FRA_5, read_sensors("bogie-100ug"), drive)
+def outcome(seed: int, schedule: SpeedSchedule) -> Outcome:
+    recording, truth = recorded(1000.0, seed, FRA_5, read_sensors("bogie-100ug"), schedule)
     begun = perf_counter()
     found = calibrate(recording, wrong_by_30_percent(seed), track=TRACK, parameters=SOUGHT)
     seconds = perf_counter() - begun

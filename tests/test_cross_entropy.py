@@ -18,10 +18,10 @@ from trackprofile.methods.cross_entropy.estimator import (
     SearchRun,
     cross_entropy,
     optimise,
-    phase,
-    weights,
+    sensor_weights,
+    solve_phase,
 )
-from trackprofile.methods.cross_entropy.forward_model import trial
+from trackprofile.methods.cross_entropy.forward_model import forward_model
 from trackprofile.methods.cross_entropy.search import (
     TABLE_5,
     TABLE_6,
@@ -54,7 +54,9 @@ def ridden(whole: bool, length: float) -> tuple[xr.Dataset, Array]:
     speed, step = (150 / 3.6, 2e-3) if whole else (30.0, 0.025 / 30.0)
     count = round(length / speed / step)
     time = np.linspace(0.0, step * count, count + 1)
-    car = trial(vehicle, track, sensors, wilson(step), speed * time, np.full(count + 1, speed))
+    car = forward_model(
+        vehicle, track, sensors, wilson(step), speed * time, np.full(count + 1, speed)
+    )
     r = Bell(depth=1e-3, width=0.5, centre=0.5 * length).at(car.place)[0]
     r[: car.before] = 0.0
     y = np.vstack([np.zeros(len(sensors)), car.signals(r, 0, count)])
@@ -219,7 +221,7 @@ def test_agreement_decides_how_often_a_phase_is_begun_anew() -> None:
 
     def runs(agreement: float) -> int:
         search, generator = replace(rough, agreement=agreement), np.random.default_rng(0)
-        return len(phase(misfits, np.zeros(6), 0.0, search, generator, walk=True)[1])
+        return len(solve_phase(misfits, np.zeros(6), 0.0, search, generator, walk=True)[1])
 
     assert runs(10.0) == 2
     assert runs(1e-9) > 2
@@ -239,34 +241,34 @@ def test_covariance_variant_takes_as_long_on_a_hill_as_in_a_valley(
         raised = due + gain @ np.full(6, level)
         misfits = lambda tried: kernels.misfits(gain, tried, raised, np.ones(1))  # noqa: E731
         generator = np.random.default_rng(0)
-        return len(phase(misfits, np.full(6, level), level, search, generator, walk=True)[1])
+        return len(solve_phase(misfits, np.full(6, level), level, search, generator, walk=True)[1])
 
     assert (runs(0.0) == runs(1.0)) is alike
 
 
 def test_first_generation_is_a_random_walk() -> None:
-    x = kernels.random_walks(np.random.default_rng(0), 40_000, np.full(4, 1e-3), 2e-3)
+    x = kernels.draw_random_walks(np.random.default_rng(0), 40_000, np.full(4, 1e-3), 2e-3)
     np.testing.assert_allclose(x.mean(axis=0), 1e-3, atol=1e-4)
     np.testing.assert_allclose(x.var(axis=0), 4e-6 * np.arange(1, 5), rtol=0.05)
 
 
 def test_drawn_profiles_have_their_covariance() -> None:
     root = np.tril(np.random.default_rng(1).normal(0.0, 1e-3, (4, 4)))
-    x = kernels.drawn(np.random.default_rng(0), 200_000, np.arange(4.0), root @ root.T)
+    x = kernels.draw_normal(np.random.default_rng(0), 200_000, np.arange(4.0), root @ root.T)
     np.testing.assert_allclose(np.cov(x.T), root @ root.T, atol=0.02 * np.abs(root @ root.T).max())
 
 
 def test_elites_are_the_best_by_the_whole_signal_or_by_each_scan() -> None:
     misfit = np.array([[0.0, 9.0], [5.0, 1.0], [2.0, 2.0], [6.0, 6.0]])
-    np.testing.assert_array_equal(kernels.elite_of_all(misfit, 2), [[2, 1], [2, 1]])
-    np.testing.assert_array_equal(kernels.elite_of_each(misfit, 2), [[0, 2], [1, 2]])
+    np.testing.assert_array_equal(kernels.elite_by_total(misfit, 2), [[2, 1], [2, 1]])
+    np.testing.assert_array_equal(kernels.elite_by_scan(misfit, 2), [[0, 2], [1, 2]])
 
 
 @pytest.mark.parametrize("size", [1, 2, 10, 100])
 def test_least_values_are_those_of_a_stable_sort(size: int) -> None:
     values = np.random.default_rng(size).integers(0, 30, 100).astype(np.float64)
     np.testing.assert_array_equal(
-        kernels.least(values, size), np.argsort(values, kind="stable")[:size]
+        kernels.smallest(values, size), np.argsort(values, kind="stable")[:size]
     )
 
 
@@ -291,7 +293,7 @@ def test_misfits_are_weighted_squares() -> None:
 
 def test_weights_are_the_papers() -> None:
     signals = np.array([[3.0, 0.5], [-3.0, -0.5]])
-    weight = weights(signals)
+    weight = sensor_weights(signals)
     assert weight[0] == pytest.approx(0.5 / 3.5)  # RMS_R / (RMS_A + RMS_R)
     assert weight.sum() == pytest.approx(1.0)
 
@@ -390,7 +392,7 @@ class TestRefused:
 
     def test_sensor_that_recorded_nothing_but_zeros(self) -> None:
         with pytest.raises(DataError, match="zero throughout"):
-            weights(np.array([[0.0, 1.0], [0.0, -1.0]]))
+            sensor_weights(np.array([[0.0, 1.0], [0.0, -1.0]]))
 
     def test_spike(self, on_rigid_rail: tuple[xr.Dataset, Array]) -> None:
         spiked = on_rigid_rail[0].copy(deep=True)

@@ -14,22 +14,22 @@ from trackprofile.contracts import build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import estimate
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-from trackprofile.models.flicker_noise import HIGHEST, LOWEST, processes
+from trackprofile.models.flicker_noise import HIGHEST_FREQUENCY, LOWEST_FREQUENCY, flicker_processes
 from trackprofile.models.receptance import point_track
-from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor, sensor_noise_density
 
 ALONE = Sensor("a", VERTICAL_ACCELERATION, "body", noise_density=1e-9, drift=0.0, flicker=1e-3)
 
 
 def decibels(sensor: Sensor, frequency: np.ndarray) -> np.ndarray:
     """Density of white noise, walk and processes over that of white noise, walk and flicker."""
-    true = stated_noise(sensor, frequency)
-    others = stated_noise(replace(sensor, flicker=None), frequency)
-    return 10 * np.log10((others + processes(sensor).density(frequency)) / true)
+    true = sensor_noise_density(sensor, frequency)
+    others = sensor_noise_density(replace(sensor, flicker=None), frequency)
+    return 10 * np.log10((others + flicker_processes(sensor).density(frequency)) / true)
 
 
 def test_processes_of_a_decade_each_add_up_to_one_over_f() -> None:
-    inside = np.geomspace(3 * LOWEST, HIGHEST / 3, 500)
+    inside = np.geomspace(3 * LOWEST_FREQUENCY, HIGHEST_FREQUENCY / 3, 500)
     off = decibels(ALONE, inside)
     assert np.max(np.abs(off)) < 0.27
     # The ripple of a sum of sech over even steps, by Poisson's formula.
@@ -46,7 +46,7 @@ def test_noise_with_what_is_left_out_is_within_a_decibel(
         "a", VERTICAL_ACCELERATION, "body", noise_density=white, flicker=white * np.sqrt(corner),
         drift=walk * white,
     )  # fmt: skip
-    off = decibels(sensor, np.geomspace(3 * LOWEST, 100 * HIGHEST, 300))
+    off = decibels(sensor, np.geomspace(3 * LOWEST_FREQUENCY, 100 * HIGHEST_FREQUENCY, 300))
     assert np.min(off) > -0.6
     assert np.max(off) < 0.3
 
@@ -56,13 +56,13 @@ def test_no_more_than_a_process_to_a_decade_and_none_where_it_drowns(
     louder: str, flicker: float, size: float
 ) -> None:
     sensor = replace(ALONE, flicker=flicker, **{louder: max(size, 1e-12)})
-    found = processes(sensor)
+    found = flicker_processes(sensor)
     assert len(found.rate) == len(found.variance) <= 4
     assert np.all(found.variance > 0)
     np.testing.assert_allclose(np.diff(np.log10(found.rate)), 1.0)  # no decade between is left out
-    fewer = processes(replace(sensor, **{louder: 100 * max(size, 1e-12)}))
+    fewer = flicker_processes(replace(sensor, **{louder: 100 * max(size, 1e-12)}))
     assert len(fewer.rate) <= len(found.rate)
-    assert not len(processes(replace(sensor, flicker=None)).rate)
+    assert not len(flicker_processes(replace(sensor, flicker=None)).rate)
 
 
 def test_flicker_that_is_not_stated_or_drowns_changes_nothing_to_the_last_bit() -> None:

@@ -7,12 +7,16 @@ import pytest
 from numpy.typing import NDArray
 
 from trackprofile.io.model_toml import read_track, read_vehicle
-from trackprofile.methods.cross_entropy.forward_model import Trial, backward_derivatives, trial
+from trackprofile.methods.cross_entropy.forward_model import (
+    ForwardModel,
+    backward_derivatives,
+    forward_model,
+)
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.models.irregularity import Bell
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
-from trackprofile.simulation.drive import Drive
-from trackprofile.simulation.simulate import RunSettings, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import SpeedSchedule
 
 Array = NDArray[np.float64]
 
@@ -26,15 +30,17 @@ def rough(place: Array) -> Array:
     return np.sin(angle) @ waves[0] + (np.cos(angle) - 1.0) @ waves[1]
 
 
-def quarter_car(steps: int, speed: float = 30.0) -> Trial:
+def quarter_car(steps: int, speed: float = 30.0) -> ForwardModel:
     vehicle, _ = read_vehicle("quarter-car")
     position = np.linspace(0.0, 0.025 * steps, steps + 1)
     sensors = (Sensor("bogie", VERTICAL_ACCELERATION, "bogie"),)
     scheme = wilson(0.025 / speed)
-    return trial(vehicle, read_track("rigid"), sensors, scheme, position, np.full(steps + 1, speed))
+    return forward_model(
+        vehicle, read_track("rigid"), sensors, scheme, position, np.full(steps + 1, speed)
+    )
 
 
-def whole_car(steps: int, acceleration: float = 0.0) -> Trial:
+def whole_car(steps: int, acceleration: float = 0.0) -> ForwardModel:
     vehicle, _ = read_vehicle("velaro")
     time = 2e-3 * np.arange(steps + 1)
     sensors = (
@@ -43,7 +49,9 @@ def whole_car(steps: int, acceleration: float = 0.0) -> Trial:
     )
     speed = np.asarray(150 / 3.6 + acceleration * time, np.float64)
     position = np.asarray(150 / 3.6 * time + 0.5 * acceleration * time**2, np.float64)
-    return trial(vehicle, read_track("zhai-layered"), sensors, wilson(2e-3), position, speed)
+    return forward_model(
+        vehicle, read_track("zhai-layered"), sensors, wilson(2e-3), position, speed
+    )
 
 
 @pytest.mark.parametrize(
@@ -51,7 +59,7 @@ def whole_car(steps: int, acceleration: float = 0.0) -> Trial:
     ids=["quarter car", "whole car", "braking"],
 )  # fmt: skip
 @pytest.mark.parametrize("first", [0, 85])
-def test_the_affine_map_is_the_simulation(car: Trial, first: int) -> None:
+def test_the_affine_map_is_the_simulation(car: ForwardModel, first: int) -> None:
     r = rough(car.place)
     r[: car.before] = 0.0
     signals = car.signals(r, 0, first + 10)[first:]
@@ -88,9 +96,9 @@ def test_a_trial_is_not_changed_by_what_it_tries() -> None:
 def test_trial_tends_to_the_simulation_of_a_smooth_profile() -> None:
     vehicle, _ = read_vehicle("quarter-car")
     sensor = Sensor("bogie", VERTICAL_ACCELERATION, "bogie")
-    run = RunSettings(0.0, 12.0, Drive((0.0,), (30.0,)), run_in=1.0)
+    run = RunSettings(0.0, 12.0, SpeedSchedule((0.0,), (30.0,)), run_in=1.0)
     fine = simulate(vehicle, read_track("rigid"), BELL, run, newmark(1e-5))
-    due = np.interp(0.025 * np.arange(1, 401), fine.position, felt(fine, vehicle, sensor))
+    due = np.interp(0.025 * np.arange(1, 401), fine.position, sensor_signal(fine, vehicle, sensor))
     car = quarter_car(400)
     found = car.signals(BELL.at(car.place)[0], 0, 400)[:, 0]
     # Of second order: a wave of 0.5 m has 20 scans, of which (2π/20)²/3 = 3 % may be lost.

@@ -24,7 +24,7 @@ from trackprofile.models.irregularity import (
     Irregularity,
     Sampled,
     Sum,
-    random,
+    random_irregularity,
 )
 from trackprofile.models.spectrum import Spectrum
 
@@ -32,14 +32,14 @@ Array = NDArray[np.float64]
 
 FRA4 = Spectrum("FRA 4", 2.39e-5, 0.0206, 0.825)
 FRA6 = Spectrum("FRA 6", 1.5e-6, 0.0206, 0.825)
-WAVES = random(FRA6, 3, shortest=1.5, longest=100.0, start=60.0, taper=10.0)
+WAVES = random_irregularity(FRA6, 3, shortest=1.5, longest=100.0, start=60.0, taper=10.0)
 GRID = np.arange(0.0, 200.0, 0.5)
 EVERY = {
     "flat": Flat(),
     "bell": Bell(0.002, 0.5, 100.0),
     "settlement": Bell(0.04, 10.0, 120.0),
     "dip": Dip(0.004, 0.5, 60.0, count=4, spacing=25.0),
-    "cosines": random(FRA6, 3, shortest=1.5, longest=100.0),
+    "cosines": random_irregularity(FRA6, 3, shortest=1.5, longest=100.0),
     "cosines faded in": WAVES,
     "sampled": Sampled(GRID, 1e-3 * np.sin(0.6 * GRID)),
     "sum": Sum((Bell(0.04, 10.0, 120.0), WAVES)),
@@ -95,7 +95,7 @@ def test_the_faded_in_cosines_are_those_of_the_oracle(
         omega, amplitude = waves["angular_wavenumber_rad_m"], waves["amplitude_m"]
         profile = Cosines(amplitude, omega, waves["phase_rad"], start, taper=10.0)
     check_oracle(shared(f"oracle/{name}.npz"), profile, speed)
-    drawn = random(FRA6 if name == "fra6" else FRA4, 0, shortest=1.5, longest=100.0)
+    drawn = random_irregularity(FRA6 if name == "fra6" else FRA4, 0, shortest=1.5, longest=100.0)
     np.testing.assert_allclose(drawn.spatial_frequency, omega, rtol=1e-12)
     np.testing.assert_allclose(drawn.amplitude, amplitude, rtol=1e-12)
 
@@ -107,7 +107,7 @@ def test_the_faded_in_cosines_are_those_of_the_oracle(
 @pytest.mark.parametrize("band", [D1, Band("5 m to 15 m", 5.0, 15.0)], ids=lambda band: band.name)
 def test_the_waves_of_a_band_have_the_variance_of_the_spectrum(name: str, band: Band) -> None:
     spectrum = read_roughness(name)
-    profile = random(spectrum, 0, shortest=2.5, longest=30.0)
+    profile = random_irregularity(spectrum, 0, shortest=2.5, longest=30.0)
     omega, amplitude = profile.spatial_frequency, profile.amplitude
     step = omega[1] - omega[0]
     inside = (omega > 2 * np.pi / band.longest) & (omega < 2 * np.pi / band.shortest)
@@ -120,7 +120,7 @@ def test_the_waves_of_a_band_have_the_variance_of_the_spectrum(name: str, band: 
 
 def test_the_filtered_profile_has_the_bands_standard_deviation() -> None:
     length, spacing = 20_000.0, 0.5
-    profile = random(FRA6, 11, shortest=1.5, longest=400.0, length=length)
+    profile = random_irregularity(FRA6, 11, shortest=1.5, longest=400.0, length=length)
     elevation = profile.at(np.arange(0.0, length, spacing))[0]
     omega = np.linspace(2 * np.pi / 400.0, 2 * np.pi / 1.5, 100_000)
     for band in BANDS:
@@ -134,7 +134,7 @@ def test_the_filtered_profile_has_the_bands_standard_deviation() -> None:
 
 def test_welchs_density_of_a_random_profile_is_its_spectrum() -> None:
     length, spacing, segment = 20_000.0, 0.5, 800
-    profile = random(FRA4, 5, shortest=1.2, longest=400.0, length=length)
+    profile = random_irregularity(FRA4, 5, shortest=1.2, longest=400.0, length=length)
     elevation = profile.at(np.arange(0.0, length, spacing))[0]
     per_metre, density = welch(elevation, 1 / spacing, nperseg=segment)
     omega, density = 2 * np.pi * per_metre, density / (2 * np.pi)
@@ -150,24 +150,26 @@ def test_welchs_density_of_a_random_profile_is_its_spectrum() -> None:
 
 
 def test_a_seed_reproduces_its_profile_and_another_does_not() -> None:
-    first, again, other = (random(FRA6, seed, 1.5, 100.0).at(GRID) for seed in (7, 7, 8))
+    first, again, other = (
+        random_irregularity(FRA6, seed, 1.5, 100.0).at(GRID) for seed in (7, 7, 8)
+    )
     np.testing.assert_array_equal(first, again)
-    drawn = random(FRA6, np.random.default_rng(7), 1.5, 100.0).at(GRID)
+    drawn = random_irregularity(FRA6, np.random.default_rng(7), 1.5, 100.0).at(GRID)
     np.testing.assert_array_equal(first, drawn)
     assert np.corrcoef(first[0], other[0])[0, 1] < 0.9
 
 
 def test_a_long_profile_does_not_repeat_over_its_length() -> None:
     length = 5_000.0
-    omega = random(FRA6, 0, 1.5, 100.0, length=length).spatial_frequency
+    omega = random_irregularity(FRA6, 0, 1.5, 100.0, length=length).spatial_frequency
     assert 2 * np.pi / (omega[1] - omega[0]) >= length
 
 
 def test_a_spectrum_is_not_drawn_from_beyond_where_it_is_known() -> None:
     with pytest.raises(ModelError, match=r"SNCF.*2 m to 40 m"):
-        random(read_roughness("sncf-good"), 0, shortest=2.0, longest=100.0)
+        random_irregularity(read_roughness("sncf-good"), 0, shortest=2.0, longest=100.0)
     with pytest.raises(ModelError, match="0 < shortest < longest"):
-        random(FRA6, 0, shortest=25.0, longest=3.0)
+        random_irregularity(FRA6, 0, shortest=25.0, longest=3.0)
 
 
 # --- laws -----------------------------------------------------------------------------------------

@@ -30,8 +30,8 @@ from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, 
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.receptance import point_track
-from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import RunSettings, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import constant_speed
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
 PRIOR = read_spectrum("german-low")
@@ -50,13 +50,15 @@ def long_ride(length: float, every: int = 2, seed: int = 7) -> tuple[xr.Dataset,
     white = generator.standard_normal((2, int(waves.sum())))
     height[waves] = np.sqrt(PRIOR.density(omega[waves]) * omega[1] / 2) * (white[0] + 1j * white[1])
     level = irfft(height * len(at), len(at))
-    run = RunSettings(0.0, length, steady(SPEED), run_in=RUN_IN, every=every)
+    run = RunSettings(0.0, length, constant_speed(SPEED), run_in=RUN_IN, every=every)
     made = simulate(VELARO, ZHAI, Sampled(at, level), run, newmark(1e-3))
     parts = []
     for sensor in read_sensors("bogie-25ug"):
         assert sensor.noise_density is not None
         noise = sensor.noise_density * np.sqrt(500.0 / every)
-        signal = felt(made, VELARO, sensor) + noise * generator.standard_normal(len(made.time))
+        signal = sensor_signal(made, VELARO, sensor) + noise * generator.standard_normal(
+            len(made.time)
+        )
         parts.append(Channel(sensor.name, signal, sensor.quantity, sensor.body, sensor.position,
                              sensor.noise_density))  # fmt: skip
     recording = build_recording(

@@ -24,7 +24,7 @@ def test_bounce_and_pitch_of_a_body_on_two_springs_follow_their_formulas() -> No
     )
     found = modes(Vehicle("car", (Body("body", m, inertia, half),), links, wheels))
     bounce, pitch = np.sqrt(2 * k / m), half * np.sqrt(2 * k / inertia)
-    by_name = {one.words: one for one in found}
+    by_name = {one.description: one for one in found}
     assert by_name["body heave"].frequency == pytest.approx(bounce / (2 * np.pi))
     assert by_name["body heave"].damping_ratio == pytest.approx(2 * c / (2 * m * bounce))
     assert by_name["body pitch"].frequency == pytest.approx(pitch / (2 * np.pi))
@@ -85,6 +85,8 @@ def test_axle_loads_and_sources_of_built_in_cars_are_plausible(name: str) -> Non
 
 def test_two_bogies_that_do_not_feel_each_other_pitch_alone() -> None:
     pitches = [
-        mode.words for mode in modes(read_vehicle("velaro")[0]) if "bogie pitch" in mode.words
+        mode.description
+        for mode in modes(read_vehicle("velaro")[0])
+        if "bogie pitch" in mode.description
     ]
     assert sorted(pitches) == ["leading bogie pitch", "trailing bogie pitch"]

@@ -23,9 +23,9 @@ from trackprofile.io.model_toml import (
 from trackprofile.io.toml_document import document
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.spectrum import PowerLaw, SpectrumSegment
-from trackprofile.models.track import Change, ElasticTrack, LayeredTrack, RigidTrack
+from trackprofile.models.track import ElasticTrack, LayeredTrack, RigidTrack, SupportChange
 from trackprofile.models.vehicle import (
-    OF_ROLL,
+    ROLL_FIELDS,
     Body,
     Link,
     Vehicle,
@@ -88,7 +88,7 @@ def test_the_quarter_car_is_that_of_the_papers_table_1() -> None:
 
 def test_the_velaro_is_that_of_the_papers_table_2() -> None:
     vehicle, installation = read_vehicle("velaro")
-    of_roll = {one.name for one in vehicle.parameters if one.used_by[0][1] in OF_ROLL}
+    of_roll = {one.name for one in vehicle.parameters if one.used_by[0][1] in ROLL_FIELDS}
     values = parameter_values(vehicle)
     assert {name: values[name] for name in values if name not in of_roll} == {
         "body mass": 47_800.0,
@@ -409,7 +409,7 @@ end = { value = 103, unit = "m" }
 """
     track = read_track(put(tmp_path, whole + spot))
     assert isinstance(track, LayeredTrack)
-    assert track.changes == (Change("ballast_stiffness", 0.3, 100.0, 103.0),)
+    assert track.changes == (SupportChange("ballast_stiffness", 0.3, 100.0, 103.0),)
     assert track.support.pad_stiffness == 65e6
 
 

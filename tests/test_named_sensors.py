@@ -21,7 +21,7 @@ from trackprofile.io.model_toml import read_spectrum
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.sensor_errors import Instrument, measure
 from trackprofile.scenario import PRESETS, Scenario, read_scenario
-from trackprofile.simulation.simulate import felt, simulate
+from trackprofile.simulation.simulate import sensor_signal, simulate
 from trackprofile.units import unit_factor
 
 Array = np.ndarray
@@ -150,7 +150,7 @@ def ridden(name: str, folder: Path) -> Ride:
         scenario.vehicle, scenario.track, scenario.irregularity, scenario.run, scenario.scheme
     )
     exact = {
-        one.sensor.quantity: felt(done, scenario.vehicle, one.sensor)
+        one.sensor.quantity: sensor_signal(done, scenario.vehicle, one.sensor)
         for one in scenario.instruments
     }
     prior = name[:5] if name.startswith("fra") else "fra-6"

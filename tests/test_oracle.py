@@ -20,8 +20,8 @@ from trackprofile.models.integrate import Scheme, newmark, wilson
 from trackprofile.models.irregularity import Bell, Cosines, Flat, Irregularity
 from trackprofile.models.track import LayeredTrack, Support
 from trackprofile.models.vehicle import Vehicle, with_parameters
-from trackprofile.simulation.drive import steady
 from trackprofile.simulation.simulate import RunSettings, Simulation, simulate
+from trackprofile.simulation.speed_schedule import constant_speed
 
 Array = NDArray[np.float64]
 QUANTITIES = ("bogie acceleration", "pitch rate", "rail deflection", "contact force")
@@ -107,7 +107,7 @@ def ours(
         vehicle_of(said["vehicle"]),
         track_of(said["track"]),
         irregularity_of(oracle, case, said["profile"]),
-        RunSettings(start, end, steady(speed), run_in=0.0, every=finer),
+        RunSettings(start, end, constant_speed(speed), run_in=0.0, every=finer),
         scheme(step),
     )
     place = made.freedoms.index

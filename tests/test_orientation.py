@@ -20,7 +20,7 @@ from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
-from trackprofile.models.vehicle import Vehicle, turned_round
+from trackprofile.models.vehicle import Vehicle, reversed_vehicle
 from trackprofile.preprocessing.faults import FaultKind
 from trackprofile.units import STANDARD_GRAVITY
 
@@ -46,7 +46,7 @@ def forwards(vehicle: Vehicle, sensors: tuple[Sensor, ...]) -> tuple[xr.Dataset,
 def backwards(vehicle: Vehicle, sensors: tuple[Sensor, ...]) -> tuple[xr.Dataset, xr.Dataset]:
     """A ride with the vehicle's last wheel leading, recorded by sensors as they are described on it; and the truth."""
     turned = tuple(replace(one, position=-one.position) for one in sensors)
-    recording, truth = forwards(turned_round(vehicle), turned)
+    recording, truth = forwards(reversed_vehicle(vehicle), turned)
     parts = [
         replace(one, values=-one.values if one.quantity == PITCH_RATE else one.values, position=sensor.position)
         for one, sensor in zip(channels(recording), sensors, strict=True)
@@ -73,7 +73,7 @@ def test_vehicle_that_runs_the_other_way_round_is_told_by_three_sensors(vehicle:
     recording, _ = backwards(vehicle, (ACCELERATION, PITCH, BEHIND))
     found, car = faced(recording, vehicle)
     assert found.turned
-    assert car == turned_round(vehicle)
+    assert car == reversed_vehicle(vehicle)
     assert [fault.kind for fault in found.faults] == [FaultKind.TURNED]
     assert "its last wheel leads" in found.notes[0]
     assert "is turned" not in found.notes[0]
@@ -91,7 +91,7 @@ def test_end_that_is_stated_is_believed_and_says_nothing() -> None:
     recording, _ = backwards(VELARO, (ACCELERATION, PITCH, BEHIND))
     found, car = faced(with_channels(recording, list(channels(recording)), "last"), VELARO)
     assert found.turned
-    assert car == turned_round(VELARO)
+    assert car == reversed_vehicle(VELARO)
     assert not found.faults
 
 

@@ -30,7 +30,7 @@ from trackprofile.io.table import read_columns
 from trackprofile.kalman.smoother import initial_state, kalman_gains, smooth
 from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.models.kinematics import Motion
-from trackprofile.models.roll import rail_modes, rolling, sensor_pairs
+from trackprofile.models.roll import rail_modes, roll_vehicle, sensor_pairs
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import state_space
@@ -125,7 +125,7 @@ def reached(sensors: Sequence[Sensor], length: float, draws: int) -> dict[Rail, 
     parts = []
     for car, half, prior, truth in (
         (VELARO, mean, MEAN, 0.5 * (left + right)),
-        (rolling(VELARO), difference, CROSS_LEVEL, left - right),
+        (roll_vehicle(VELARO), difference, CROSS_LEVEL, left - right),
     ):
         read = np.einsum("nsd,sk->nkd", signals, half.weights)
         parts.append(errors(car, half.sensors, prior, read, truth))

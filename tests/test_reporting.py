@@ -22,7 +22,7 @@ from trackprofile.contracts import Quality, build_profile
 from trackprofile.errors import FileError
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_spectrum
-from trackprofile.models.irregularity import random
+from trackprofile.models.irregularity import random_irregularity
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.reporting.band_figures import chart_data
 from trackprofile.reporting.report import report
@@ -38,7 +38,7 @@ WAY = ChainageTable([0.0, 3000.0], [40.0, 37.0], [0.0, 3000.0], [47.0, 47.02], [
 
 def profile_of(length: float, seed: int = 1, deviation: float = 3e-4, gap: bool = True):
     at = np.arange(0.0, length, 0.25)
-    level = random(read_spectrum("fra-6"), seed, 2.0, 200.0, length=length).at(at)[0]
+    level = random_irregularity(read_spectrum("fra-6"), seed, 2.0, 200.0, length=length).at(at)[0]
     dips = ((0.55, 0.045), (0.8, 0.02))
     level -= sum(depth * np.exp(-0.5 * ((at - share * length) / 2.0) ** 2) for share, depth in dips)
     flags = np.zeros(at.size, np.int8)

@@ -16,18 +16,24 @@ from trackprofile.models.irregularity import Bell
 from trackprofile.reproduction import PAGE, TITLE, reproduce
 from trackprofile.reproduction.cases import (
     bell,
-    finely_ridden,
+    case_recording,
+    fine_signals,
     instruments,
     model_b,
-    recorded,
-    ridden,
+    search_grid_signals,
     with_lead,
 )
-from trackprofile.reproduction.noise_study import dip, profiles, sensors
+from trackprofile.reproduction.noise_study import fit_bell, profiles, sensors
 from trackprofile.reproduction.paper_tables import settings
 from trackprofile.reproduction.parts import FigurePanel, PageSection, Table
 from trackprofile.reproduction.reproduction_html import files, html
-from trackprofile.reproduction.studies import growth, in_bands, search, shorter, without_parabola
+from trackprofile.reproduction.studies import (
+    band_rms,
+    error_growth,
+    run_search,
+    shortened,
+    without_parabola,
+)
 
 
 def test_every_printed_number_is_what_the_package_runs_with() -> None:
@@ -41,7 +47,7 @@ def test_every_printed_number_is_what_the_package_runs_with() -> None:
 
 def test_search_s_grid_tends_to_the_fine_simulation() -> None:
     case = bell()
-    own, fine = ridden(case), finely_ridden(case)
+    own, fine = search_grid_signals(case), fine_signals(case)
     assert own.shape == fine.shape == (801, 1)
     assert np.linalg.norm(own - fine) < 2e-3 * np.linalg.norm(fine)
 
@@ -51,15 +57,15 @@ def test_lead_adds_track_before_and_after_and_moves_nothing() -> None:
     led = with_lead(case)
     assert led.position[0] == -100.0
     assert led.position[-1] == pytest.approx(120.0)
-    longer = finely_ridden(led)
-    own = finely_ridden(case)
+    longer = fine_signals(led)
+    own = fine_signals(case)
     np.testing.assert_allclose(longer[4000:4801], own, atol=1e-6 * np.abs(own).max())
 
 
 def test_instruments_add_their_noise() -> None:
-    case = shorter(model_b("fra-6"), 40.0)
+    case = shortened(model_b("fra-6"), 40.0)
     still = np.zeros((case.scans + 1, 2))
-    noisy = recorded(case, still, instruments("B"), seed=1)
+    noisy = case_recording(case, still, instruments("B"), seed=1)
     spread = float(noisy["acceleration"].std())
     density = instruments("B")[0].sensor.noise_density
     assert density is not None
@@ -67,15 +73,15 @@ def test_instruments_add_their_noise() -> None:
 
 
 def test_errors_grow_with_newmark_and_hardly_above_the_leading_axle() -> None:
-    case = shorter(model_b("fra-6"), 40.0)
-    by_wilson = growth(case, wilson(case.step), 10)
+    case = shortened(model_b("fra-6"), 40.0)
+    by_wilson = error_growth(case, wilson(case.step), 10)
     assert 1.2 < by_wilson < 3.0
-    assert growth(case, newmark(case.step), 10) > 1e3
+    assert error_growth(case, newmark(case.step), 10) > 1e3
 
 
 def test_search_finds_the_first_metres_of_model_b() -> None:
-    case = shorter(model_b("fra-4"), 15.0)
-    done = search(case, ridden(case), TABLE_6)
+    case = shortened(model_b("fra-4"), 15.0)
+    done = run_search(case, search_grid_signals(case), TABLE_6)
     assert np.abs(done.error).max() < 1e-6
     assert done.rate > 0
 
@@ -83,10 +89,10 @@ def test_search_finds_the_first_metres_of_model_b() -> None:
 def test_error_in_a_band_is_that_of_its_wave() -> None:
     place = np.linspace(0.0, 200.0, 2001)
     error = 1e-3 * np.sin(2 * np.pi * place / 10.0)
-    found = in_bands(place, error)
+    found = band_rms(place, error)
     assert found["D1"] == pytest.approx(np.sqrt(0.5), rel=0.01)
     assert found["D2"] == pytest.approx(0.0, abs=0.01)
-    assert in_bands(place[:400], error[:400])["D1"] is None
+    assert band_rms(place[:400], error[:400])["D1"] is None
 
 
 def test_parabola_is_what_an_unknown_offset_leaves() -> None:
@@ -103,7 +109,7 @@ def test_parabola_is_what_an_unknown_offset_leaves() -> None:
 def test_dip_is_found_on_a_slope(depth: float, centre: float) -> None:
     place = np.linspace(0.0, 200.0, 2001)
     level = Bell(depth, 10.0, centre).at(place)[0] + 1e-4 * place
-    found = dip(place, level)
+    found = fit_bell(place, level)
     assert found[0] == pytest.approx(1e3 * depth, rel=1e-3)
     assert found[1] == pytest.approx(centre, abs=0.06)
 

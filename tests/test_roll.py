@@ -17,18 +17,18 @@ from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
 from trackprofile.io.model_toml import presets, read_spectrum, read_vehicle, write_vehicle
 from trackprofile.models.modal import roll_modes
 from trackprofile.models.roll import (
+    missing_roll_parameters,
+    noise_correlation,
     rail_modes,
-    roll_unknowns,
-    rolling,
-    rolling_track,
-    rolling_wheels,
+    roll_track,
+    roll_vehicle,
+    roll_wheelsets,
     sensor_pairs,
-    shared_noise,
 )
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.statespace import state_space, transfer_function
 from trackprofile.models.track import ElasticTrack, RigidTrack
-from trackprofile.models.vehicle import OF_ROLL, Vehicle, parameter_values, with_parameters
+from trackprofile.models.vehicle import ROLL_FIELDS, Vehicle, parameter_values, with_parameters
 from two_rails import WAGON, response
 
 OMEGA = 2 * np.pi / np.array([200.0, 70.0, 25.0, 11.0, 5.5, 3.1])
@@ -63,7 +63,7 @@ def test_mean_and_difference_are_those_of_a_car_on_two_rails(name: str, track) -
     both, across = apart @ np.array([1.0, 1.0]), apart @ np.array([0.5, -0.5])
     heave = transfer_function(state_space(car, track, mean.sensors), OMEGA, SPEED)
     roll = transfer_function(
-        state_space(rolling(car), rolling_track(track), difference.sensors), OMEGA, SPEED
+        state_space(roll_vehicle(car), roll_track(track), difference.sensors), OMEGA, SPEED
     )
     np.testing.assert_allclose(both @ mean.weights, heave, rtol=1e-8)
     np.testing.assert_allclose(across @ difference.weights, roll, rtol=1e-8)
@@ -85,7 +85,7 @@ def test_on_a_rigid_path_wheels_need_nothing_of_the_car_above() -> None:
     _, difference = rail_modes(boxes, sensor_pairs(boxes), WAGON.contact_spacing)
     found = [
         transfer_function(state_space(car, RigidTrack(), difference.sensors), OMEGA, SPEED)
-        for car in (rolling(WAGON), rolling_wheels(WAGON))
+        for car in (roll_vehicle(WAGON), roll_wheelsets(WAGON))
     ]
     np.testing.assert_allclose(*found, rtol=1e-12)
     # Analytic: a_L - a_R = (y_L - y_R)/w c̈, under the second wheel.
@@ -114,12 +114,12 @@ def test_limit_of_axle_boxes_is_that_of_white_noise_integrated_twice() -> None:
 
 def test_a_parameter_acts_on_the_rolling_car_as_on_the_car() -> None:
     car, _ = read_vehicle("manchester-benchmark")
-    there = parameter_values(rolling(car))
+    there = parameter_values(roll_vehicle(car))
     for name in there:
         more = with_parameters(car, {name: 1.1 * parameter_values(car)[name]})
-        moved = with_parameters(rolling(car), {name: 1.1 * there[name]})
+        moved = with_parameters(roll_vehicle(car), {name: 1.1 * there[name]})
         for one, other in zip(
-            (*rolling(more).bodies, *rolling(more).wheels, *rolling(more).links),
+            (*roll_vehicle(more).bodies, *roll_vehicle(more).wheels, *roll_vehicle(more).links),
             (*moved.bodies, *moved.wheels, *moved.links),
             strict=True,
         ):
@@ -133,16 +133,16 @@ def test_links_of_different_semi_spacing_may_not_share_a_parameter() -> None:
     car, _ = read_vehicle("velaro")
     links = (replace(car.links[0], semi_spacing=0.9), *car.links[1:])
     with pytest.raises(ModelError, match="different semi-spacings share a parameter"):
-        rolling(replace(car, links=links))
+        roll_vehicle(replace(car, links=links))
 
 
 def test_what_is_missing_for_roll_is_named() -> None:
     quarter, _ = read_vehicle("quarter-car")
     with pytest.raises(ModelError, match=r"does not state roll_inertia of 'body', .*semi_spacing"):
-        rolling(quarter)
+        roll_vehicle(quarter)
     assert roll_modes(quarter) == ()
-    assert "roll_inertia of 'wheel'" in roll_unknowns(quarter, TRACKS[1])
-    assert "roll_inertia of 'wheel'" not in roll_unknowns(quarter, TRACKS[0])
+    assert "roll_inertia of 'wheel'" in missing_roll_parameters(quarter, TRACKS[1])
+    assert "roll_inertia of 'wheel'" not in missing_roll_parameters(quarter, TRACKS[0])
 
 
 @pytest.mark.parametrize("name", [one for one in presets("vehicle") if one != "quarter-car"])
@@ -156,7 +156,7 @@ def test_built_in_cars_roll_as_cars_do(name: str) -> None:
 @pytest.mark.parametrize("name", [one for one in presets("vehicle") if one != "quarter-car"])
 def test_what_a_built_in_car_states_of_roll_is_not_verified(name: str) -> None:
     car, _ = read_vehicle(name)
-    of_roll = [one for one in car.parameters if {field for _, field in one.used_by} <= OF_ROLL]
+    of_roll = [one for one in car.parameters if {field for _, field in one.used_by} <= ROLL_FIELDS]
     assert len(of_roll) >= 5
     assert all("not verified" in one.source for one in of_roll)
 
@@ -204,4 +204,4 @@ def test_noise_of_mean_and_difference_is_that_of_weighted_sums(
     found = [mean.sensors[0].noise_density, difference.sensors[0].noise_density]
     np.testing.assert_allclose(found, expected, rtol=1e-12)
     correlation = covariance[0, 1] / np.prod(expected)
-    assert shared_noise(left, right, pair) == pytest.approx(correlation, abs=1e-12)
+    assert noise_correlation(left, right, pair) == pytest.approx(correlation, abs=1e-12)

@@ -16,10 +16,10 @@ from trackprofile.io.model_toml import presets, read_instruments, read_sensors, 
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.sensor_errors import (
     Instrument,
-    anti_aliased,
+    instrument_noise,
+    instrument_noise_density,
     measure,
-    noise,
-    noise_density,
+    with_anti_alias_filter,
 )
 
 G = 9.80665
@@ -52,7 +52,7 @@ def test_simulated_noise_has_the_density_of_its_model(instrument: Instrument) ->
     # an eighth of the sampling rate, beyond which a sampled random walk exceeds 1/f².
     for first in (8, 16, 32, 64, 128, 256):
         octave = slice(first, 2 * first)
-        ratio = density[octave] / noise_density(instrument, frequency[octave], interval)
+        ratio = density[octave] / instrument_noise_density(instrument, frequency[octave], interval)
         # Var = 1/segments for each line; with Hann's window neighbours are correlated by (2/3)², (1/6)².
         deviation = math.sqrt((1 + 2 * (4 / 9 + 1 / 36)) / (segments * first))
         assert np.mean(ratio) == pytest.approx(1.0, abs=4 * deviation + 1 / first**2)
@@ -66,7 +66,9 @@ def test_white_noise_has_the_variance_that_the_inference_takes() -> None:
 def test_drift_is_a_random_walk_from_the_offset() -> None:
     instrument, series, interval = Instrument(replace(FLOOR, offset=0.5, drift=2.0)), 3000, 0.01
     generator = np.random.default_rng(1)
-    walks = np.array([noise(instrument, 101, interval, generator) for _ in range(series)])
+    walks = np.array(
+        [instrument_noise(instrument, 101, interval, generator) for _ in range(series)]
+    )
     for sample in (0, 1, 10, 50, 100):
         expected = 0.5**2 + 2.0**2 * sample * interval
         assert np.var(walks[:, sample]) == pytest.approx(expected, rel=4 * math.sqrt(2 / series))
@@ -75,7 +77,10 @@ def test_drift_is_a_random_walk_from_the_offset() -> None:
 def test_flicker_does_not_end_where_it_began() -> None:
     generator = np.random.default_rng(1)
     series = np.array(
-        [noise(Instrument(replace(RATE, flicker=1.0)), 256, 0.01, generator) for _ in range(500)]
+        [
+            instrument_noise(Instrument(replace(RATE, flicker=1.0)), 256, 0.01, generator)
+            for _ in range(500)
+        ]
     )
     # One that is periodic has its last sample as near to its first as its second is.
     beside, across = (np.var(series[:, i] - series[:, 0]) for i in (1, -1))
@@ -196,9 +201,9 @@ def test_the_low_pass_starts_settled() -> None:
 
 
 def test_an_anti_alias_filter_only_narrows() -> None:
-    assert anti_aliased(Instrument(FLOOR), 0.01).sensor.bandwidth == 25.0
+    assert with_anti_alias_filter(Instrument(FLOOR), 0.01).sensor.bandwidth == 25.0
     narrow = Instrument(replace(FLOOR, bandwidth=10.0))
-    assert anti_aliased(narrow, 0.01) == narrow
+    assert with_anti_alias_filter(narrow, 0.01) == narrow
 
 
 # --- refusals -----------------------------------------------------------------------------------
@@ -227,7 +232,7 @@ def test_a_quantity_that_is_no_row_of_numbers_is_refused(exact: list) -> None:
 
 def test_a_density_at_zero_hertz_is_refused() -> None:
     with pytest.raises(DataError, match="above 0 Hz, got 0"):
-        noise_density(Instrument(FLOOR), np.array([0.0, 1.0]), 0.01)
+        instrument_noise_density(Instrument(FLOOR), np.array([0.0, 1.0]), 0.01)
 
 
 @pytest.mark.parametrize(

@@ -20,15 +20,15 @@ from trackprofile.models.statespace import state_space, transfer_function
 from trackprofile.models.track import ElasticTrack, LayeredTrack, RigidTrack, Support
 from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel, assemble
 from trackprofile.simulation import layered
-from trackprofile.simulation.drive import Drive, steady
 from trackprofile.simulation.mechanics import GRAVITY
 from trackprofile.simulation.simulate import (
     RampedIrregularity,
     RunSettings,
     Simulation,
-    felt,
+    sensor_signal,
     simulate,
 )
+from trackprofile.simulation.speed_schedule import SpeedSchedule, constant_speed
 
 from .full_model import Passage, passage, whole_track
 
@@ -52,9 +52,9 @@ def relative(found: Array, wanted: Array) -> float:
 
 # The whole track.
 
-DRIVES = {
-    "steady": steady(V),
-    "braking, then accelerating": Drive((0.0, 0.3, 0.6, 0.8), (V, V - 6, V + 2, V + 2)),
+SCHEDULES = {
+    "steady": constant_speed(V),
+    "braking, then accelerating": SpeedSchedule((0.0, 0.3, 0.6, 0.8), (V, V - 6, V + 2, V + 2)),
 }
 FIRST, START, END, DT = 70.0, 80.0, 105.0, 1e-3
 DIP = Bell(0.002, 0.5, 88.0)
@@ -63,9 +63,9 @@ DIP = Bell(0.002, 0.5, 88.0)
 @cache
 def over_the_whole_track(name: str) -> Passage:
     """150 m of track: no wheel comes nearer than 45 m to its ends."""
-    drive = DRIVES[name]
-    steps = int(np.floor(drive.duration(END - FIRST) / DT * (1 + 1e-12)))
-    motion = drive.at(np.arange(steps + 1) * DT)
+    schedule = SCHEDULES[name]
+    steps = int(np.floor(schedule.duration(END - FIRST) / DT * (1 + 1e-12)))
+    motion = schedule.at(np.arange(steps + 1) * DT)
     motion[:, 0] += FIRST
     made = passage(
         VELARO, whole_track(PAPERS, 276), RampedIrregularity(DIP, FIRST, 5.0), motion, DT, GRAVITY
@@ -75,7 +75,7 @@ def over_the_whole_track(name: str) -> Passage:
 
 
 def differences(name: str, margin: float) -> dict[str, float]:
-    run = RunSettings(START, END, DRIVES[name], START - FIRST, margin=margin)
+    run = RunSettings(START, END, SCHEDULES[name], START - FIRST, margin=margin)
     window, whole = simulate(VELARO, PAPERS, DIP, run, newmark(DT)), over_the_whole_track(name)
     heave, pitch = (window.freedoms.index(("leading bogie", way)) for way in ("heave", "pitch"))
     return {
@@ -86,7 +86,7 @@ def differences(name: str, margin: float) -> dict[str, float]:
     }
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", SCHEDULES)
 def test_window_without_absorption_is_the_whole_track(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -103,7 +103,7 @@ OF_THE_WINDOW = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", DRIVES)
+@pytest.mark.parametrize("name", SCHEDULES)
 def test_default_window_is_nearly_the_whole_track(name: str) -> None:
     near, far = differences(name, layered.MARGIN), differences(name, 50.0)
     for quantity, bound in OF_THE_WINDOW.items():
@@ -144,14 +144,14 @@ def winkler(rail_mass: float, damping: float, spacing: float = 0.1) -> LayeredTr
 
 def standing(vehicle: Vehicle, track: LayeredTrack, position: float) -> Simulation:
     """At rest: ten steps at 1 mm/s, over 10 µm."""
-    run = RunSettings(position, position + 1e-5, steady(1e-3), run_in=0.0, margin=20.0)
+    run = RunSettings(position, position + 1e-5, constant_speed(1e-3), run_in=0.0, margin=20.0)
     return simulate(vehicle, track, Flat(), run, newmark(1e-3))
 
 
 @pytest.mark.parametrize("step", [1e-3, 2.5e-4, 5e-5])
 def test_window_stays_calm_on_short_bays_at_any_step(step: float) -> None:
     # Bays of 0.1 m are 8e10 N/m stiff: one that joined a moving end would tear at it.
-    run = RunSettings(100.0, 102.0, steady(80.0), run_in=80.0)
+    run = RunSettings(100.0, 102.0, constant_speed(80.0), run_in=80.0)
     made = simulate(probe(0.0, load=P, at=0.0), winkler(2000.0, 9e4), Flat(), run, newmark(step))
     assert np.ptp(made.rail_deflection) < 0.01 * np.abs(made.rail_deflection).max()
 
@@ -198,7 +198,7 @@ def error_of_the_moving_force(step: float) -> float:
     """Largest error of the deflection, of the largest deflection, over 2 m after a running-in of 80 m."""
     speed, damping = 0.5 * CRITICAL, 9e4
     places = 0.5 * np.arange(9)
-    run = RunSettings(100.0, 102.0, steady(speed), run_in=80.0)
+    run = RunSettings(100.0, 102.0, constant_speed(speed), run_in=80.0)
     made = simulate(
         probe(*places, load=P, at=2.0), winkler(RAIL_MASS, damping), Flat(), run, newmark(step)
     )
@@ -227,7 +227,7 @@ def test_point_stiffness_of_the_papers_track(bays: float, stiffness: float) -> N
 
 def unbalanced(step: float) -> float:
     """Largest error of the energy that a passing car on a rigid path holds, of the largest that it gains."""
-    run = RunSettings(100.0, 140.0, steady(V), run_in=40.0)
+    run = RunSettings(100.0, 140.0, constant_speed(V), run_in=40.0)
     made = simulate(VELARO, RigidTrack(), Bell(0.01, 1.0, 110.0), run, newmark(step))
     full = assemble(VELARO)
     heave = np.array([motion == "heave" for _, motion in full.degrees_of_freedom])
@@ -267,14 +267,17 @@ def stiffer(factor: float) -> LayeredTrack:
 
 
 def test_very_stiff_layers_are_the_rigid_path() -> None:
-    run, dip = RunSettings(100.0, 125.0, steady(V), run_in=20.0), Bell(0.002, 1.0, 105.0)
+    run, dip = RunSettings(100.0, 125.0, constant_speed(V), run_in=20.0), Bell(0.002, 1.0, 105.0)
     # The stiffest wheel on its track swings at 3.5 kHz, which asks for steps below 57 µs.
     rigid, *layers = (
         simulate(VELARO, track, dip, run, newmark(5e-5))
         for track in (RigidTrack(), stiffer(1e2), stiffer(1e3), stiffer(1e4))
     )
     errors = [
-        [relative(felt(made, VELARO, one), felt(rigid, VELARO, one)) for one in ON_BOGIE]
+        [
+            relative(sensor_signal(made, VELARO, one), sensor_signal(rigid, VELARO, one))
+            for one in ON_BOGIE
+        ]
         + [relative(made.contact_force, rigid.contact_force)]
         for made in layers
     ]
@@ -302,11 +305,13 @@ def wave(length: float, amplitude: float = 1e-3) -> Cosines:
 def test_car_on_springs_over_a_sine_follows_the_state_space(
     track: ElasticTrack, length: float
 ) -> None:
-    run = RunSettings(1000.0, 1060.0, steady(40.0), run_in=900.0)
+    run = RunSettings(1000.0, 1060.0, constant_speed(40.0), run_in=900.0)
     made = simulate(VELARO, track, wave(length), run, newmark(2.5e-4))
     omega = 2 * np.pi / length
     exact = transfer_function(state_space(VELARO, track, ON_BOGIE), np.array([omega]), 40.0)[0]
-    found = [1e3 * response(felt(made, VELARO, one), made.position, omega) for one in ON_BOGIE]
+    found = [
+        1e3 * response(sensor_signal(made, VELARO, one), made.position, omega) for one in ON_BOGIE
+    ]
     # (ω Δt)²/12 = 2e-5 at 4 m and 63 rad/s, some times as much where the response is steep in ω, as at its zeros.
     np.testing.assert_allclose(found, exact, rtol=2e-4)
 
@@ -319,7 +324,7 @@ def test_quarter_car_over_a_sine_follows_its_transfer_function() -> None:
     secondary, primary = k1 + c1 * s, k2 + c2 * s
     body = secondary / (m1 * s**2 + secondary)
     bogie = primary / (m2 * s**2 + primary + secondary * (1 - body))
-    run = RunSettings(1500.0, 1530.0, steady(v), run_in=1400.0)
+    run = RunSettings(1500.0, 1530.0, constant_speed(v), run_in=1400.0)
     made = simulate(QUARTER, RigidTrack(), wave(6.0), run, newmark(2.5e-4))
     found = [
         1e3
@@ -331,12 +336,12 @@ def test_quarter_car_over_a_sine_follows_its_transfer_function() -> None:
 
 
 def test_wheel_on_a_rigid_path_at_varying_speed_accelerates_as_its_path() -> None:
-    drive = Drive((0.0, 1.0, 2.0, 3.0), (30.0, 20.0, 35.0, 35.0))
+    schedule = SpeedSchedule((0.0, 1.0, 2.0, 3.0), (30.0, 20.0, 35.0, 35.0))
     made = simulate(
-        VELARO, RigidTrack(), wave(7.0), RunSettings(60.0, 120.0, drive, 20.0), newmark(1e-3)
+        VELARO, RigidTrack(), wave(7.0), RunSettings(60.0, 120.0, schedule, 20.0), newmark(1e-3)
     )
-    first = np.argmin(np.abs(drive.at(np.arange(2000) * 1e-3)[:, 0] + 40.0 - made.position[0]))
-    way, v, a = drive.at(made.time + first * 1e-3).T
+    first = np.argmin(np.abs(schedule.at(np.arange(2000) * 1e-3)[:, 0] + 40.0 - made.position[0]))
+    way, v, a = schedule.at(made.time + first * 1e-3).T
     np.testing.assert_allclose(way + 40.0, made.position, rtol=1e-12)
     for i, wheel in enumerate(VELARO.wheels):
         r, slope, bend = wave(7.0).at(made.position - wheel.position)
@@ -355,7 +360,7 @@ def test_wheel_on_a_rigid_path_at_varying_speed_accelerates_as_its_path() -> Non
 def test_mean_contact_force_is_the_static_load() -> None:
     length = 20 * PAPERS.spacing
     start = 100 * length
-    run = RunSettings(start, start + 4 * length, steady(length / 0.3), run_in=40 * length)
+    run = RunSettings(start, start + 4 * length, constant_speed(length / 0.3), run_in=40 * length)
     made = simulate(VELARO, PAPERS, wave(length, 5e-4), run, newmark(2.5e-4))
     static = (47800 + 2 * 3500 + 4 * 1800) * GRAVITY / 4
     # Over three whole waves of 20 bays, long after the start. z̈ has a jump where a wheel passes a node, so that a mean
@@ -366,7 +371,7 @@ def test_mean_contact_force_is_the_static_load() -> None:
 
 
 def test_lift_off_is_noted_and_gentle_running_is_not() -> None:
-    run = RunSettings(100.0, 115.0, steady(V), run_in=20.0)
+    run = RunSettings(100.0, 115.0, constant_speed(V), run_in=20.0)
     deep, shallow = (
         simulate(VELARO, PAPERS, Bell(depth, 0.5, 105.0), run, newmark(1e-3))
         for depth in (0.02, 0.0005)
@@ -379,7 +384,7 @@ def test_lift_off_is_noted_and_gentle_running_is_not() -> None:
 
 
 def test_runs_that_make_no_sense_are_refused() -> None:
-    run = RunSettings(100.0, 110.0, steady(V))
+    run = RunSettings(100.0, 110.0, constant_speed(V))
     for wrong, said in (
         (replace(run, end=90.0), "an end beyond its start, got 100 m to 90 m"),
         (replace(run, end=100.0), "an end beyond its start"),
@@ -392,7 +397,7 @@ def test_runs_that_make_no_sense_are_refused() -> None:
 
 
 def test_vehicles_that_would_fall_are_refused() -> None:
-    run, wheel = RunSettings(100.0, 110.0, steady(V)), (Wheel("wheel", 100.0, 0.0),)
+    run, wheel = RunSettings(100.0, 110.0, constant_speed(V)), (Wheel("wheel", 100.0, 0.0),)
     loose = Vehicle(
         "loose", (Body("body", 1e3), Body("roof", 10.0)), (Link("spring", "body", "wheel", 0.0, 1e6, 1e3),), wheel
     )  # fmt: skip
@@ -417,8 +422,8 @@ BELLS = st.builds(
 
 def signals(track: RigidTrack | ElasticTrack | LayeredTrack, irregularity: Irregularity) -> Array:
     """All that is recorded, in columns."""
-    drive = Drive((0.0, 0.2, 0.4), (V, V - 2, V + 2))
-    run = RunSettings(100.0, 108.0, drive, run_in=10.0)
+    schedule = SpeedSchedule((0.0, 0.2, 0.4), (V, V - 2, V + 2))
+    run = RunSettings(100.0, 108.0, schedule, run_in=10.0)
     made = simulate(VELARO, track, irregularity, run, newmark(1e-3))
     parts = (
         made.displacement, made.velocity, made.acceleration, made.contact_force, made.rail_deflection

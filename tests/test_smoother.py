@@ -23,8 +23,8 @@ from trackprofile.kalman.smoother import (
 from trackprofile.kalman.time_steps import DiscretisedRun, TimeSteps, discretise_run, time_steps
 from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
-from trackprofile.models.spectrum import Spectrum, markov
-from trackprofile.models.statespace import StateSpace, generator, state_space
+from trackprofile.models.spectrum import Spectrum, markov_process
+from trackprofile.models.statespace import StateSpace, generator_matrix, state_space
 from trackprofile.models.track import ElasticTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel
 
@@ -95,7 +95,7 @@ def dense(one: Problem) -> Dense:
     coefficients = ride.ring + bays - 1
     random = system.disturbance.size > 0 or len(system.flicker) > 0
     size = n + coefficients + (bays * n if random else 0)
-    state, G, rows, bay = np.eye(n, size), generator(system), [], 0
+    state, G, rows, bay = np.eye(n, size), generator_matrix(system), [], 0
 
     def path(k: int) -> Array:
         s, v, a = steps.position[k], steps.speed[k], steps.acceleration[k]
@@ -136,7 +136,7 @@ def dense(one: Problem) -> Dense:
     first = np.arange(ride.first_knot, ride.first_knot + ride.ring)
     stance[:, : ride.ring] = start.stance[:, first % ride.ring]
     P = np.eye(size)
-    track = markov(PRIOR, SPACING).covariance(coefficients)
+    track = markov_process(PRIOR, SPACING).covariance(coefficients)
     inner = slice(n, n + coefficients)
     P[inner, inner] = track
     P[:n, inner] = stance @ track

@@ -9,7 +9,14 @@ import pytest
 
 from trackprofile.errors import ModelError
 from trackprofile.io.model_toml import presets, read_roughness, read_spectrum
-from trackprofile.models.spectrum import PowerLaw, Spectrum, SpectrumSegment, draw, markov, rational
+from trackprofile.models.spectrum import (
+    PowerLaw,
+    Spectrum,
+    SpectrumSegment,
+    markov_process,
+    random_profile,
+    require_rational,
+)
 
 FRA6 = Spectrum("FRA 6", 1.5e-6, 0.0206, 0.825)
 
@@ -39,7 +46,7 @@ def test_band_standard_deviations_are_those_of_the_literature(name: str) -> None
 
 
 def test_markov_process_keeps_its_stationary_covariance() -> None:
-    process = markov(FRA6, 0.25)
+    process = markov_process(FRA6, 0.25)
     covariance = process.covariance(60)
     assert process.variance == pytest.approx(FRA6.variance)
     for lag in range(2, 59):
@@ -52,7 +59,7 @@ def test_markov_process_keeps_its_stationary_covariance() -> None:
 
 def test_markov_process_has_the_spectrum_of_waves_longer_than_its_spacing() -> None:
     h, omega = 0.25, 2 * np.pi / np.array([200.0, 70.0, 25.0, 10.0, 5.0])
-    process = markov(FRA6, h)
+    process = markov_process(FRA6, h)
     turn = np.exp(-1j * omega * h)
     density = (
         process.innovation / np.abs(1 - process.a1 * turn - process.a2 * turn**2) ** 2 * h / np.pi
@@ -62,7 +69,7 @@ def test_markov_process_has_the_spectrum_of_waves_longer_than_its_spacing() -> N
 
 def test_drawn_profile_has_the_standard_deviation_of_its_spectrum() -> None:
     distance = np.arange(0.0, 4000.0, 1.0)
-    drawn = [draw(FRA6, distance, np.random.default_rng(seed), 3.0) for seed in range(4)]
+    drawn = [random_profile(FRA6, distance, np.random.default_rng(seed), 3.0) for seed in range(4)]
     # Some thirty independent waves of 300 m in all: 15 % sampling error.
     assert np.std(drawn) == pytest.approx(np.sqrt(FRA6.variance), rel=0.3)
 
@@ -149,8 +156,8 @@ def test_a_power_law_is_not_continued_beyond_its_band() -> None:
 
 def test_a_power_law_can_be_no_prior() -> None:
     with pytest.raises(ModelError, match=r"'SNCF.*no prior can be; choose.*german-low"):
-        rational(read_roughness("sncf-good"))
-    assert rational(FRA6) is FRA6
+        require_rational(read_roughness("sncf-good"))
+    assert require_rational(FRA6) is FRA6
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from trackprofile.kalman.transition_kernels import _evaluate
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.statespace import (
     StateSpace,
-    generator,
+    generator_matrix,
     state_space,
     step_table,
     transfer_function,
@@ -95,7 +95,7 @@ def test_tabulated_step_is_the_matrix_exponential(duration: float) -> None:
     n = len(one.A)
     found = np.empty((n, n + 16))
     _evaluate(table.motion, table.spacing, duration, found)
-    exact = expm(generator(one) * duration)[:n]
+    exact = expm(generator_matrix(one) * duration)[:n]
     scale = np.max(np.abs(exact), axis=1, keepdims=True)
     np.testing.assert_allclose(found / scale, exact / scale, atol=1e-11)
 

@@ -22,9 +22,9 @@ from trackprofile.errors import DataError
 from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum
 from trackprofile.models.integrate import newmark
-from trackprofile.models.irregularity import Dip, Sum, random
-from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import RunSettings, felt, simulate
+from trackprofile.models.irregularity import Dip, Sum, random_irregularity
+from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import constant_speed
 
 SPACING, COUNT = 0.25, 2**13
 AT = SPACING * np.arange(COUNT)
@@ -53,7 +53,7 @@ def deviations(of_d1: float) -> dict[str, np.ndarray]:
     return {name: np.full(COUNT, of_d1 * one / spread["D1"]) for name, one in spread.items()}
 
 
-ROUGH = random(FRA_5, 3, 1.5, 300.0, length=COUNT * SPACING)
+ROUGH = random_irregularity(FRA_5, 3, 1.5, 300.0, length=COUNT * SPACING)
 
 
 def passing(
@@ -182,16 +182,19 @@ def test_passes_that_cannot_be_compared_are_refused() -> None:
 
 
 def inferred(seed: int, settlement: float, speed: float, ahead: float, noise: int) -> xr.Dataset:
-    parts = (random(FRA_5, seed, 1.5, 300.0, length=1000.0), Dip(max(settlement, 1e-9), 6.0, 250.0))
+    parts = (
+        random_irregularity(FRA_5, seed, 1.5, 300.0, length=1000.0),
+        Dip(max(settlement, 1e-9), 6.0, 250.0),
+    )
     made = simulate(
         VELARO, LAYERED, Sum(parts),
-        RunSettings(0.0, 500.0, steady(speed), run_in=200.0, every=round(1 / SAMPLING / STEP)),
+        RunSettings(0.0, 500.0, constant_speed(speed), run_in=200.0, every=round(1 / SAMPLING / STEP)),
         newmark(STEP),
     )  # fmt: skip
     generator = np.random.default_rng(noise)
     sensors = []
     for sensor in read_sensors("bogie-100ug"):
-        exact = felt(made, VELARO, sensor)
+        exact = sensor_signal(made, VELARO, sensor)
         assert sensor.noise_density is not None
         size = sensor.noise_density * np.sqrt(SAMPLING / 2)
         sensors.append(

@@ -33,16 +33,16 @@ from trackprofile.machine import in_one_thread, machine, peak_memory
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Variant
 from trackprofile.models.integrate import newmark
-from trackprofile.models.irregularity import Flat, random
+from trackprofile.models.irregularity import Flat, random_irregularity
 from trackprofile.models.kinematics import Motion
 from trackprofile.models.receptance import point_track
 from trackprofile.models.statespace import state_space
 from trackprofile.models.track import Track
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.reporting.report import report
-from trackprofile.reproduction.cases import bell, model_b, recorded, ridden
-from trackprofile.simulation.drive import steady
+from trackprofile.reproduction.cases import bell, case_recording, model_b, search_grid_signals
 from trackprofile.simulation.simulate import RunSettings, simulate
+from trackprofile.simulation.speed_schedule import constant_speed
 
 SPEED = 150 / 3.6  # m/s
 SAMPLING = 500.0  # Hz
@@ -118,7 +118,10 @@ def search_figures() -> list[Result]:
         ("a", bell(), TABLE_5, PAPERS_SEARCH["a"]),
         ("b", replace(model_b("fra-6"), length=60.0), TABLE_6, PAPERS_SEARCH["b"]),
     ):
-        recording, length = recorded(case, ridden(case)), float(case.position[-1])
+        recording, length = (
+            case_recording(case, search_grid_signals(case)),
+            float(case.position[-1]),
+        )
         for variant in Variant:
             one = replace(settings, variant=variant)
             run = partial(cross_entropy, recording, case.vehicle, track=case.track, search=one)
@@ -148,7 +151,7 @@ def report_figures() -> list[Result]:
 
 def _long_profile() -> xr.Dataset:
     at = np.arange(0.0, 50_000.0, KNOT_SPACING)
-    level = random(read_spectrum("german-low"), 1, 2.0, 300.0, length=at[-1]).at(at)[0]
+    level = random_irregularity(read_spectrum("german-low"), 1, 2.0, 300.0, length=at[-1]).at(at)[0]
     spreads = {"D1": 1e-4, "D2": 3e-4, "D3": 1e-3}
     return build_profile(
         at,
@@ -162,7 +165,7 @@ def _long_profile() -> xr.Dataset:
 
 
 def _ride(vehicle: Vehicle, track: Track, length: float) -> None:
-    run = RunSettings(0.0, length, steady(SPEED), run_in=0.0, every=10)
+    run = RunSettings(0.0, length, constant_speed(SPEED), run_in=0.0, every=10)
     simulate(vehicle, track, Flat(), run, newmark(PAPERS_STEP))
 
 

@@ -30,7 +30,7 @@ from trackprofile.io.model_toml import (
 )
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor
-from trackprofile.models.spectrum import Spectrum, draw
+from trackprofile.models.spectrum import Spectrum, random_profile
 from trackprofile.models.statespace import StateSpace, state_space
 from trackprofile.models.track import PointTrack
 from trackprofile.models.vehicle import Vehicle
@@ -122,7 +122,7 @@ def simulated(
     position, speed, acceleration = _motion(time)
     behind = vehicle.length + 5.0
     points = np.arange(position[0] - behind, length + 5.0, POINT_SPACING)
-    profile = CubicSpline(points, draw(spectrum, points, generator, SHORTEST_WAVE))
+    profile = CubicSpline(points, random_profile(spectrum, points, generator, SHORTEST_WAVE))
     paths = position[:, None] - np.array([wheel.position for wheel in vehicle.wheels])
     v, a = speed[:, None], acceleration[:, None]
     z, z1, z2 = profile(paths), profile(paths, 1), profile(paths, 2)

@@ -53,12 +53,12 @@ from trackprofile.io.table import located
 from trackprofile.io.toml_document import load
 from trackprofile.models.integrate import Scheme, newmark, wilson
 from trackprofile.models.irregularity import Irregularity, Sum
-from trackprofile.models.sensor_errors import Instrument, anti_aliased, measure
+from trackprofile.models.sensor_errors import Instrument, measure, with_anti_alias_filter
 from trackprofile.models.track import LayeredTrack, Track
 from trackprofile.models.vehicle import HEAVE, Vehicle
-from trackprofile.simulation.drive import Drive
-from trackprofile.simulation.mechanics import check_step, mechanics
-from trackprofile.simulation.simulate import RunSettings, Simulation, felt, simulate
+from trackprofile.simulation.mechanics import check_step, vehicle_matrices
+from trackprofile.simulation.simulate import RunSettings, Simulation, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import SpeedSchedule
 
 PRESETS = Path(str(files("trackprofile") / "presets" / "scenario"))
 TRUTH_SPACING = 0.25
@@ -154,7 +154,7 @@ def run_scenario(
     channels = []
     for instrument in scenario.instruments:
         sensor = instrument.sensor
-        exact = felt(simulation, scenario.vehicle, sensor)
+        exact = sensor_signal(simulation, scenario.vehicle, sensor)
         values, valid = measure(
             instrument, exact, scenario.scheme.step, scenario.sampling_interval, generator
         )
@@ -202,7 +202,8 @@ def step_errors(scenario: Scenario, made: SimulatedRun) -> dict[str, float]:
     errors = {}
     for instrument in scenario.instruments:
         coarse, fine = (
-            felt(one, scenario.vehicle, instrument.sensor) for one in (made.simulation, again)
+            sensor_signal(one, scenario.vehicle, instrument.sensor)
+            for one in (made.simulation, again)
         )
         common = min(len(coarse), len(fine))
         left = coarse[:common] - fine[:common]
@@ -226,9 +227,9 @@ def _scenario(path: Path, table: ScenarioTable, seed: int) -> Scenario:
     instruments = _instruments(table, beside)
     _check_bodies(vehicle, instruments)
     if table.anti_alias:
-        instruments = tuple(anti_aliased(one, sampling_interval) for one in instruments)
+        instruments = tuple(with_anti_alias_filter(one, sampling_interval) for one in instruments)
     track = _changed(read_track(placed(table.track, beside)), table.change)
-    check_step(mechanics(vehicle), track, scheme)
+    check_step(vehicle_matrices(vehicle), track, scheme)
     return Scenario(
         path.stem, table.vehicle, vehicle, track, Sum(tuple(parts)), run, scheme, instruments, sampling_interval,
         table.integration.steps_per_sample, seed,
@@ -247,25 +248,27 @@ def _scheme(table: IntegrationTable, sampling_interval: float) -> Scheme:
 
 
 def _run(table: RunTable, sampling_interval: float) -> RunSettings:
-    drive = Drive(tuple(one.time for one in table.speed), tuple(one.speed for one in table.speed))
+    schedule = SpeedSchedule(
+        tuple(one.time for one in table.speed), tuple(one.speed for one in table.speed)
+    )
     start, end, run_in = table.start, table.end, table.run_in
     if not end > start:
         raise ModelError(f"the run needs an end beyond its start, got {start:g} m to {end:g} m")
     if not run_in >= 10:
         raise ModelError(f"the run needs at least 10 m of running in, got {run_in:g} m")
-    lasts = drive.duration(end - start + run_in) - drive.duration(run_in)
+    lasts = schedule.duration(end - start + run_in) - schedule.duration(run_in)
     if lasts < 2 * sampling_interval:
         raise ModelError(
             f"the run lasts {lasts:.2g} s, less than two samples; lengthen it or sample faster"
         )
-    return RunSettings(start, end, drive, run_in)
+    return RunSettings(start, end, schedule, run_in)
 
 
 def _span(run: RunSettings, scheme: Scheme, length: float) -> tuple[float, float]:
     """Where a vehicle of that length may ask for the irregularity, m: Wilson's θ looks beyond the end."""
     first = run.start - run.run_in
-    until = run.drive.duration(run.end - first) + scheme.theta * scheme.step
-    return first - length, first + float(run.drive.at(np.array([until]))[0, 0])
+    until = run.schedule.duration(run.end - first) + scheme.theta * scheme.step
+    return first - length, first + float(run.schedule.at(np.array([until]))[0, 0])
 
 
 def _instruments(table: ScenarioTable, beside: Path) -> tuple[Instrument, ...]:
@@ -278,11 +281,11 @@ def _instruments(table: ScenarioTable, beside: Path) -> tuple[Instrument, ...]:
 
 def _check_bodies(vehicle: Vehicle, instruments: tuple[Instrument, ...]) -> None:
     """See that every sensor finds its body: by asking what it feels in no time at all."""
-    freedoms = (*mechanics(vehicle).freedoms, *((one.name, HEAVE) for one in vehicle.wheels))
+    freedoms = (*vehicle_matrices(vehicle).freedoms, *((one.name, HEAVE) for one in vehicle.wheels))
     t, x = np.zeros(0), np.zeros((0, len(freedoms)))
     still = Simulation(t, t, t, freedoms, x, x, x, x, x, ())
     for one in instruments:
-        felt(still, vehicle, one.sensor)
+        sensor_signal(still, vehicle, one.sensor)
 
 
 def _changed(track: Track, changes: list[ChangeTable]) -> Track:

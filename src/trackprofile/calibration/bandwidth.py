@@ -14,9 +14,9 @@ from scipy.signal import butter, fftconvolve, kaiserord, sosfilt, welch
 from trackprofile.errors import DataError
 from trackprofile.inference.observations import Observations
 from trackprofile.inference.problem import Model, leading_wheel_motion
-from trackprofile.models.receptance import FITTED_UP_TO
+from trackprofile.models.receptance import MAXIMUM_FIT_FREQUENCY
 from trackprofile.models.sensor import Sensor
-from trackprofile.models.spectrum import Spectrum, scaled
+from trackprofile.models.spectrum import Spectrum, scale_density
 from trackprofile.models.statespace import state_space, transfer_function
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ SAMPLES_PER_PERIOD = 2.5
 RIPPLE = 60.0
 """dB by which the cut leaves less than this of what is above, and changes what is below by less."""
 
-LOW_PASS = 0.5 * FITTED_UP_TO
+LOW_PASS = 0.5 * MAXIMUM_FIT_FREQUENCY
 """Hz, of the gentle low-pass: a sixteenth of the amplitude is left at twice the highest frequency used."""
 
 FINER = 8
@@ -78,7 +78,7 @@ class SpectralFit:
     def highest(self) -> float:
         """Hz, up to which the track stands above the noise; at most what the point track holds for."""
         above = self.frequency[self.track > self.noise]
-        return float(min(above[-1], FITTED_UP_TO)) if above.size else 0.0
+        return float(min(above[-1], MAXIMUM_FIT_FREQUENCY)) if above.size else 0.0
 
 
 def spectral_fit(data: Sequence[Observations], model: Model) -> tuple[list[SpectralFit], Spectrum]:
@@ -107,7 +107,7 @@ def spectral_fit(data: Sequence[Observations], model: Model) -> tuple[list[Spect
         SpectralFit(f, P, level * G, float(np.exp(w)) * L, one.noise_density)
         for (f, P, G), L, w, one in zip(spectra, passed, found[1:], data[0].sensors, strict=True)
     ]
-    return parts, scaled(model.spectrum, level)
+    return parts, scale_density(model.spectrum, level)
 
 
 def _going(
@@ -179,7 +179,7 @@ def limit_bandwidth(data: Observations, highest: Sequence[float]) -> Observation
     """The signals without what lies above some frequency each, at as many samples as that takes.
 
     Where noise is all that lies above, it is cut off sharply. Where the track still speaks there, but the model of it
-    does not hold (``FITTED_UP_TO``), a sharp cut would leave a hole that the model does not expect, and the vehicle
+    does not hold (``MAXIMUM_FIT_FREQUENCY``), a sharp cut would leave a hole that the model does not expect, and the vehicle
     would be bent to make one: there the signal goes through a gentle low-pass that the model goes through too.
 
     Parameters
@@ -199,7 +199,7 @@ def limit_bandwidth(data: Observations, highest: Sequence[float]) -> Observation
             continue
         chosen = np.zeros(len(time), bool)
         chosen[_apart(time, apart)] = True
-        if frequency < FITTED_UP_TO:
+        if frequency < MAXIMUM_FIT_FREQUENCY:
             signals[:, i], clean = _cut(data, i, interval, frequency)
             limits[i] = 1.25 * frequency
         elif data.sensors[i].bandwidth is None:

@@ -59,7 +59,7 @@ def show_vehicle(
                     for one in car.parameters
                 },
                 "modes": [
-                    {"frequency_hz": one.frequency, "damping_ratio": one.damping_ratio, "motions": one.words}
+                    {"frequency_hz": one.frequency, "damping_ratio": one.damping_ratio, "motions": one.description}
                     for one in swings
                 ],
             }
@@ -79,5 +79,5 @@ def show_vehicle(
     show.say("\nOn a rigid track, with the wheels held:")
     show.table(
         ("swings", "Hz", "damping ratio"),
-        [(one.words, f"{one.frequency:.2f}", f"{one.damping_ratio:.2f}") for one in swings],
+        [(one.description, f"{one.frequency:.2f}", f"{one.damping_ratio:.2f}") for one in swings],
     )

@@ -17,10 +17,10 @@ from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.machine import in_one_thread, peak_memory
 from trackprofile.models.integrate import newmark
-from trackprofile.models.irregularity import random
+from trackprofile.models.irregularity import random_irregularity
 from trackprofile.models.receptance import point_track
-from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import RunSettings, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import constant_speed
 from trackprofile.store import Entry, Store, create, find
 from trackprofile.store.entry import document
 
@@ -132,14 +132,16 @@ def _write(sample: Sample, length: float, stem: Path) -> tuple[int, int]:
     vehicle, track = read_vehicle(sample.vehicle)[0], point_track(read_track(sample.track))
     every = int(np.ceil(1.0 / (sample.sampling * LONGEST_STEP)))
     step = 1.0 / (sample.sampling * every)
-    level = random(read_spectrum(LEVEL), 1, 1.5, 250.0, length=length + 2 * RUN_IN)
-    run = RunSettings(0.0, length, steady(sample.train_speed), run_in=RUN_IN, every=every)
+    level = random_irregularity(read_spectrum(LEVEL), 1, 1.5, 250.0, length=length + 2 * RUN_IN)
+    run = RunSettings(0.0, length, constant_speed(sample.train_speed), run_in=RUN_IN, every=every)
     made = simulate(vehicle, track, level, run, newmark(step))
     generator = np.random.default_rng(1)
     channels = []
     for sensor in read_sensors(sample.sensors):
         noise = (sensor.noise_density or 0.0) * np.sqrt(sample.sampling / 2)
-        signal = felt(made, vehicle, sensor) + noise * generator.standard_normal(len(made.time))
+        signal = sensor_signal(made, vehicle, sensor) + noise * generator.standard_normal(
+            len(made.time)
+        )
         channels.append(
             Channel(
                 sensor.name,

@@ -11,8 +11,8 @@ from trackprofile.bands import BANDS, Band
 from trackprofile.contracts import Rail
 from trackprofile.errors import ModelError
 from trackprofile.models.receptance import point_track
-from trackprofile.models.roll import rail_modes, rolling_for, rolling_track, sensor_pairs
-from trackprofile.models.sensor import Sensor, stated_noise
+from trackprofile.models.roll import rail_modes, roll_track, roll_vehicle_for_sensors, sensor_pairs
+from trackprofile.models.sensor import Sensor, sensor_noise_density
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import state_space, transfer_function
 from trackprofile.models.track import Track
@@ -71,7 +71,9 @@ def accuracy_bound(
         at = np.array([omega])
         frequency = at * speed / (2 * np.pi)
         noise = (
-            np.concatenate([stated_noise(one, frequency) for one in sensors]) * speed / (2 * np.pi)
+            np.concatenate([sensor_noise_density(one, frequency) for one in sensors])
+            * speed
+            / (2 * np.pi)
         )
         gained = np.sum(np.abs(transfer_function(system, at, speed)[0]) ** 2 / noise)
         return float(1.0 / (1.0 / prior.density(at)[0] + gained))
@@ -119,8 +121,8 @@ def accuracy_bound_per_rail(
     mean, difference = rail_modes(sensors, sensor_pairs(sensors), vehicle.contact_spacing)
     found = {Rail.MEAN: accuracy_bound(vehicle, track, mean.sensors, speed, prior, bands)}
     if difference.sensors:
-        car = rolling_for(vehicle, point_track(track), difference.sensors)
-        support = rolling_track(point_track(track))
+        car = roll_vehicle_for_sensors(vehicle, point_track(track), difference.sensors)
+        support = roll_track(point_track(track))
         across = accuracy_bound(car, support, difference.sensors, speed, prior, bands)
         side = {
             band: float(np.hypot(error, 0.5 * across[band]))

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from trackprofile.errors import DataError
 from trackprofile.inference.observations import Observations
-from trackprofile.models.roll import RollingVehicle
+from trackprofile.models.roll import RollVehicle
 from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.models.statespace import state_space, transfer_function
 from trackprofile.models.track import PointTrack
-from trackprofile.models.vehicle import Vehicle, turned_round
+from trackprofile.models.vehicle import Vehicle, reversed_vehicle
 from trackprofile.preprocessing.faults import Fault, FaultKind
 
 Array = NDArray[np.float64]
@@ -78,11 +78,11 @@ def assign_channels(data: Observations, vehicle: Vehicle, track: PointTrack) -> 
     if not spectra:
         return data
     # Which end leads the mean of both rails tells; what rolls follows it.
-    as_it_is, *others = _wirings(data, turnable=not isinstance(vehicle, RollingVehicle))
+    as_it_is, *others = _wirings(data, turnable=not isinstance(vehicle, RollVehicle))
     pairs = {False: _pairs(spectra, vehicle, track, data.sensors)}
     if others[0].turned:
         turned = turned_sensors(data).sensors
-        pairs[True] = _pairs(spectra, turned_round(vehicle), track, turned)
+        pairs[True] = _pairs(spectra, reversed_vehicle(vehicle), track, turned)
     frequencies = sum(len(y) for y, _ in pairs[False])
     here = _log_likelihood(pairs[False], as_it_is)
     gains = [_log_likelihood(pairs[one.turned], one) - here for one in others]

@@ -39,7 +39,7 @@ from trackprofile.inference.rail_decomposition import (
 )
 from trackprofile.inference.sensitivity import with_gain_uncertainty
 from trackprofile.models.receptance import point_track
-from trackprofile.models.roll import rolling_for, rolling_track
+from trackprofile.models.roll import roll_track, roll_vehicle_for_sensors
 from trackprofile.models.sensor import Installation
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
@@ -241,10 +241,10 @@ def _of_difference(
     """On the rolling car, loaded as it was found to be; a full model of the track that rolls there is none."""
     assert sides.difference is not None
     support = point_track(ride.track)
-    car = rolling_for(mean.model.vehicle, support, sides.halves[1].sensors)
+    car = roll_vehicle_for_sensors(mean.model.vehicle, support, sides.halves[1].sensors)
     installation = difference_installation(ride.installation, ride.vehicle, car, sides.difference)
     return replace(
-        ride, vehicle=car, installation=installation, track=rolling_track(support), correct=False
+        ride, vehicle=car, installation=installation, track=roll_track(support), correct=False
     )
 
 

@@ -12,11 +12,11 @@ from trackprofile.inference.observations import DEFAULT_SPECTRUM, Observations
 from trackprofile.inference.problem import Model, problem_builder
 from trackprofile.inference.reference import KnownProfile
 from trackprofile.kalman.smoother import innovations
-from trackprofile.models.spectrum import scaled
+from trackprofile.models.spectrum import scale_density
 
 Array = NDArray[np.float64]
 
-REFERENCE_ERROR = scaled(DEFAULT_SPECTRUM, 1e-9)
+REFERENCE_ERROR = scale_density(DEFAULT_SPECTRUM, 1e-9)
 """Prior of the error of a known profile."""
 
 

@@ -65,7 +65,7 @@ class Observations:
     low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
     by_gravity : per sensor, whether gravity told which way is up
     turned : whether the vehicle's last wheel leads; the sensors are then those of
-        :func:`trackprofile.models.vehicle.turned_round`
+        :func:`trackprofile.models.vehicle.reversed_vehicle`
     """
 
     motion: Motion

@@ -13,7 +13,7 @@ from trackprofile.inference.observations import Observations
 from trackprofile.inference.rail_decomposition import RailDecomposition, decompose_rails
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import PointTrack
-from trackprofile.models.vehicle import Vehicle, turned_round
+from trackprofile.models.vehicle import Vehicle, reversed_vehicle
 
 
 def orient(
@@ -29,7 +29,7 @@ def orient(
     """
 
     def ahead(turned: bool) -> Vehicle:
-        return turned_round(vehicle) if turned else vehicle
+        return reversed_vehicle(vehicle) if turned else vehicle
 
     if leading_end(recording) == LAST:
         data = turned_sensors(data)

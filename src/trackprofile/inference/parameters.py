@@ -15,7 +15,7 @@ from trackprofile.errors import ModelError
 from trackprofile.inference.problem import Model
 from trackprofile.models.sensor import UNITS, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.track import ElasticTrack
-from trackprofile.models.vehicle import OF_ROLL, parameter_values, with_parameters
+from trackprofile.models.vehicle import ROLL_FIELDS, parameter_values, with_parameters
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def vehicle_parameters(model: Model) -> list[ModelParameter]:
     return [
         one(p.name, p.unit, p.spread)
         for p in model.vehicle.parameters
-        if any(field not in OF_ROLL for _, field in p.used_by)
+        if any(field not in ROLL_FIELDS for _, field in p.used_by)
     ]
 
 

@@ -241,7 +241,7 @@ def sampling_intervals(time: Array, valid: Mask) -> Array:
 
 def tilt_acceleration(sensors: Sequence[Sensor], motion: Motion) -> Array:
     """Longitudinal acceleration of the train as tilted sensors read it, (n, sensors)."""
-    return np.outer(motion.acceleration, [sensor.gain_across for sensor in sensors])
+    return np.outer(motion.acceleration, [sensor.longitudinal_gain for sensor in sensors])
 
 
 def _row_signals(data: Observations, model: Model, fixed: _Discretised) -> Array:

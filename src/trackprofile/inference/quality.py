@@ -12,7 +12,7 @@ from trackprofile.contracts import Quality
 from trackprofile.inference.observations import KNOT_SPACING, Observations
 from trackprofile.inference.problem import Model, leading_wheel_motion
 from trackprofile.kalman.time_steps import DiscretisedRun
-from trackprofile.models.spectrum import Spectrum, markov
+from trackprofile.models.spectrum import Spectrum, markov_process
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.preprocessing.faults import GAP
 
@@ -163,7 +163,7 @@ def _below(vehicle: Vehicle, part: str) -> set[str]:
 
 def _prior_spread(spectrum: Spectrum, ride: DiscretisedRun, band: Band) -> float:
     """Standard deviation of the prior in a band, m."""
-    process = markov(spectrum, ride.spacing)
+    process = markov_process(spectrum, ride.spacing)
     omega = np.linspace(2 * np.pi / band.longest, 2 * np.pi / band.shortest, 400)
     turn = np.exp(-1j * omega * ride.spacing)
     density = process.innovation / np.abs(1 - process.a1 * turn - process.a2 * turn**2) ** 2

@@ -22,12 +22,12 @@ from trackprofile.inference.blocks import BlockResult
 from trackprofile.inference.observations import Observations
 from trackprofile.models.roll import (
     RailMode,
-    RollingVehicle,
+    RollVehicle,
     SensorPair,
+    missing_roll_parameters,
+    noise_correlation,
     rail_modes,
-    roll_unknowns,
     sensor_pairs,
-    shared_noise,
 )
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor, Uncertainty
 from trackprofile.models.track import PointTrack, RigidTrack
@@ -100,16 +100,18 @@ def decompose_rails(
     of_mean = _of_mean(data, pairs, mean)
     if not difference.sensors:
         return RailDecomposition(data, of_mean, None, (mean, difference))
-    unknown = roll_unknowns(vehicle, track)
+    unknown = missing_roll_parameters(vehicle, track)
     if unknown:
         wheels = {one.name for one in vehicle.wheels if isinstance(track, RigidTrack)}
-        difference = difference.only([one.body in wheels for one in difference.sensors])
+        difference = difference.select([one.body in wheels for one in difference.sensors])
         said = _unknown(unknown, vehicle, told=bool(difference.sensors))
         of_mean = replace(of_mean, notes=(*of_mean.notes, said))
     if not difference.sensors:
         return RailDecomposition(data, of_mean, None, (mean, difference))
     of_both = replace(_combined(data, difference), faults=(), notes=())
-    shared = max((abs(shared_noise(sides[p.left], sides[p.right], p)) for p in pairs), default=0.0)
+    shared = max(
+        (abs(noise_correlation(sides[p.left], sides[p.right], p)) for p in pairs), default=0.0
+    )
     return RailDecomposition(data, of_mean, of_both, (mean, difference), shared)
 
 
@@ -154,7 +156,7 @@ def _of_mean(data: Observations, pairs: list[SensorPair], half: RailMode) -> Obs
 
 
 def difference_installation(
-    installation: Installation, vehicle: Vehicle, car: RollingVehicle, data: Observations
+    installation: Installation, vehicle: Vehicle, car: RollVehicle, data: Observations
 ) -> Installation:
     """What of a calibration holds of the difference: where the train is, and what roll feels of the vehicle."""
     first = car.bodies[0].name if car.bodies else None

@@ -16,7 +16,7 @@ from trackprofile.kalman import simulation_kernels as forward_kernels
 from trackprofile.kalman.smoother import InitialState
 from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.kalman.transition_kernels import COLUMNS
-from trackprofile.models.spectrum import Spectrum, scaled
+from trackprofile.models.spectrum import Spectrum, scale_density
 from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def _of_that_level(elevation: Array) -> Spectrum:
     """The usual spectrum, scaled to the variance in D1 of an elevation at the knots."""
     variance = float(np.var(band_pass(elevation, KNOT_SPACING, D1)))
     usual = DEFAULT_SPECTRUM.standard_deviation(D1.shortest, D1.longest)
-    return scaled(DEFAULT_SPECTRUM, variance / usual**2)
+    return scale_density(DEFAULT_SPECTRUM, variance / usual**2)
 
 
 def _spline_through(values: Array) -> Array:

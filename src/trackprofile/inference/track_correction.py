@@ -12,8 +12,8 @@ from trackprofile.inference.problem import Model, leading_wheel_motion
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.track import LayeredTrack, Track
-from trackprofile.simulation.drive import Followed
-from trackprofile.simulation.simulate import RunSettings, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import RecordedMotion
 
 Array = NDArray[np.float64]
 
@@ -49,12 +49,12 @@ def full_track_residual(
         )
     along = leading_wheel_motion(data, model)
     profile = _extended(place, elevation, along.distance, model.vehicle.length)
-    drive = Followed(along.time, along.distance, along.speed, RUN_IN)
-    run = RunSettings(float(along.distance[0]), float(along.distance[-1]), drive, run_in=RUN_IN)
+    motion = RecordedMotion(along.time, along.distance, along.speed, RUN_IN)
+    run = RunSettings(float(along.distance[0]), float(along.distance[-1]), motion, run_in=RUN_IN)
     read = []
     for on in (track, model.track):
         made = simulate(model.vehicle, on, profile, run, newmark(STEP))
-        signals = [felt(made, model.vehicle, sensor) for sensor in model.sensors]
+        signals = [sensor_signal(made, model.vehicle, sensor) for sensor in model.sensors]
         at = np.clip(along.distance, made.position[0], made.position[-1])
         read.append(CubicSpline(made.position, np.stack(signals, axis=1))(at))
     return np.asarray(read[0] - read[1], np.float64)

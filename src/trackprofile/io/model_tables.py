@@ -237,9 +237,11 @@ class TrackChangeTable(Strict):
     start: QuantityTable
     end: QuantityTable
 
-    def si(self) -> track.Change:
+    def si(self) -> track.SupportChange:
         """As the simulation takes it."""
-        return track.Change(self.field, self.factor, self.start.si("length"), self.end.si("length"))
+        return track.SupportChange(
+            self.field, self.factor, self.start.si("length"), self.end.si("length")
+        )
 
 
 class LayeredTrackTable(Sourced):

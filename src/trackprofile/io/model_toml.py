@@ -49,7 +49,13 @@ from trackprofile.io.table import located
 from trackprofile.io.toml_document import document, load
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.sensor_errors import Instrument
-from trackprofile.models.spectrum import PowerLaw, Roughness, Spectrum, SpectrumSegment, rational
+from trackprofile.models.spectrum import (
+    PowerLaw,
+    Roughness,
+    Spectrum,
+    SpectrumSegment,
+    require_rational,
+)
 from trackprofile.models.track import RigidTrack, Track
 from trackprofile.models.vehicle import (
     Body,
@@ -197,7 +203,7 @@ def read_spectrum(name_or_path: str | Path) -> Spectrum:
     """
     read = read_roughness(name_or_path)
     with _located(_find(name_or_path, "spectrum")):
-        return rational(read)
+        return require_rational(read)
 
 
 def read_roughness(name_or_path: str | Path) -> Roughness:

@@ -15,9 +15,9 @@ from trackprofile.io import read
 from trackprofile.io.model_tables import InstrumentTable
 from trackprofile.io.model_toml import read_roughness
 from trackprofile.io.toml_document import Strict
-from trackprofile.models.integrate import PAPERS_THETA
-from trackprofile.models.irregularity import Bell, Dip, Irregularity, Sampled, random
-from trackprofile.models.track import Change
+from trackprofile.models.integrate import PAPER_THETA
+from trackprofile.models.irregularity import Bell, Dip, Irregularity, Sampled, random_irregularity
+from trackprofile.models.track import SupportChange
 from trackprofile.units import quantity
 
 
@@ -63,7 +63,7 @@ class RunTable(Strict):
 class IntegrationTable(Strict):
     scheme: Literal["newmark", "wilson"] = "newmark"
     steps_per_sample: PositiveInt
-    theta: float = PAPERS_THETA
+    theta: float = PAPER_THETA
 
 
 class BellTable(Strict):
@@ -100,7 +100,9 @@ class RandomTable(Strict):
     def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
         """As the simulation takes it."""
         spectrum = read_roughness(placed(self.spectrum, beside))
-        return random(spectrum, self.seed, self.shortest, self.longest, span[1] - span[0])
+        return random_irregularity(
+            spectrum, self.seed, self.shortest, self.longest, span[1] - span[0]
+        )
 
 
 class FileTable(Strict):
@@ -123,9 +125,9 @@ class ChangeTable(Strict):
     start: Length
     end: Length
 
-    def made(self) -> Change:
+    def made(self) -> SupportChange:
         """As the simulation takes it."""
-        return Change(self.field, self.factor, self.start, self.end)
+        return SupportChange(self.field, self.factor, self.start, self.end)
 
 
 KINDS: dict[str, type[Strict]] = {

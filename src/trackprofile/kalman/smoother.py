@@ -11,7 +11,7 @@ from trackprofile.kalman import kernels as recursions
 from trackprofile.kalman import simulation_kernels as forward_kernels
 from trackprofile.kalman.time_steps import DiscretisedRun, OffsetWalk
 from trackprofile.kalman.transition_kernels import COLUMNS, spline_weights
-from trackprofile.models.spectrum import MarkovProfile, Spectrum, markov
+from trackprofile.models.spectrum import MarkovProfile, Spectrum, markov_process
 from trackprofile.models.statespace import StateSpace, state_response
 
 Array = NDArray[np.float64]
@@ -147,7 +147,9 @@ def initial_state(
         stance[:f] += np.outer(sag[:, i], value)
         stance[f : 2 * f] += np.outer(sag[:, i], ride.start_speed * slope)
     order = (np.arange(ride.ring) - ride.first_knot) % ride.ring
-    coefficients = markov(spectrum, ride.spacing).covariance(ride.ring)[np.ix_(order, order)]
+    coefficients = markov_process(spectrum, ride.spacing).covariance(ride.ring)[
+        np.ix_(order, order)
+    ]
     return InitialState(coefficients, stance, spread)
 
 
@@ -158,7 +160,7 @@ def kalman_gains(
 
     ``variance`` (rows,) is that of each row's white noise, in the square of its unit.
     """
-    process = markov(spectrum, ride.spacing)
+    process = markov_process(spectrum, ride.spacing)
     P = start.covariance()
     size, rows, bays = len(P), len(ride.rows), len(ride.F)
     gains, innovation_variance = np.empty((rows, size)), np.empty(rows)

@@ -1,11 +1,15 @@
-"""Implicit steps in time: Newmark's average acceleration and Wilson's θ, as functions of matrices and loads.
+"""Implicit time integration of M ẍ + C ẋ + K x = f: Newmark's average acceleration and Wilson's θ method.
 
-Both are of one form, which the coupled model uses too. Equilibrium is asked for at t + θ Δt,
+Both schemes have one form, which the coupled vehicle-track model uses too. Equilibrium is required at t + θ Δt,
 
     M ẍ* + C ẋ* + K x* = f*,    ẍ* = a_x x* - a·(x, ẋ, ẍ),    ẋ* = b_x x* - b·(x, ẋ, ẍ),
 
-and the state moves on by ẍ₊ = p·(x* - x, ẋ, ẍ), ẋ₊ = ẋ + Δt (g·(ẍ, ẍ₊)), x₊ = x + Δt ẋ + Δt² (h·(ẍ, ẍ₊)).
-Source: Bathe, Finite Element Procedures, 9.2.4 and 9.2.3; Wilson's θ = 1.420815 is that of O'Brien et al. 2017.
+and the state at t + Δt follows from
+
+    ẍ₊ = p·(x* - x, ẋ, ẍ),    ẋ₊ = ẋ + Δt (g·(ẍ, ẍ₊)),    x₊ = x + Δt ẋ + Δt² (h·(ẍ, ẍ₊)).
+
+Source: Bathe, Finite Element Procedures, 9.2.4 (Newmark) and 9.2.3 (Wilson); θ = 1.420815 is the value of
+O'Brien et al. 2017.
 """
 
 from __future__ import annotations
@@ -20,19 +24,24 @@ from trackprofile.errors import ModelError
 
 Array = NDArray[np.float64]
 
-PAPERS_THETA = 1.420815
+PAPER_THETA = 1.420815
+"""θ of O'Brien et al. 2017."""
+
+MINIMUM_THETA = 1.37
+"""θ from which Wilson's method is unconditionally stable."""
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """The coefficients of one step; see the module.
+    """Coefficients of one integration step; the module's docstring has the equations.
 
     Parameters
     ----------
     step : Δt, s
-    theta : the step's multiple at which equilibrium is asked for
-    a, b : (3,), of x, ẋ and ẍ; a_x = a[0] and b_x = b[0]
-    p : (3,); g, h : (2,)
+    theta : θ, equilibrium is required at t + θ Δt
+    a, b : (3,), coefficients of x, ẋ and ẍ; a_x = a[0] and b_x = b[0]
+    p : (3,)
+    g, h : (2,)
     """
 
     step: float
@@ -45,11 +54,16 @@ class Scheme:
 
 
 def newmark(step: float, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
-    """Newmark's scheme, by default of average acceleration: without damping of its own, of second order.
+    """Newmark's scheme; the default is average acceleration, of second order and without numerical damping.
 
     Parameters
     ----------
     step : Δt, s
+    beta, gamma : Newmark's parameters
+
+    Raises
+    ------
+    ModelError : the step is not above 0.
 
     Examples
     --------
@@ -63,12 +77,17 @@ def newmark(step: float, beta: float = 0.25, gamma: float = 0.5) -> Scheme:
     return Scheme(step, 1.0, a, b, p, np.array([1 - gamma, gamma]), np.array([0.5 - beta, beta]))
 
 
-def wilson(step: float, theta: float = PAPERS_THETA) -> Scheme:
-    """Wilson's θ: the acceleration is linear over θ Δt. Unconditionally stable from θ = 1.37.
+def wilson(step: float, theta: float = PAPER_THETA) -> Scheme:
+    """Wilson's θ method: the acceleration is linear over θ Δt. Unconditionally stable for θ ≥ 1.37.
 
     Parameters
     ----------
     step : Δt, s
+    theta : θ
+
+    Raises
+    ------
+    ModelError : the step is not above 0, or θ is below 1.37.
 
     Examples
     --------
@@ -76,8 +95,10 @@ def wilson(step: float, theta: float = PAPERS_THETA) -> Scheme:
     1.420815
     """
     _check_step(step)
-    if not theta >= 1.37:
-        raise ModelError(f"Wilson's θ must be at least 1.37 to be stable, got {theta:g}.")
+    if not theta >= MINIMUM_THETA:
+        raise ModelError(
+            f"Wilson's θ must be at least {MINIMUM_THETA:g} to be stable, got {theta:g}."
+        )
     long = theta * step
     a = np.array([6 / long**2, 6 / long, 2.0])
     b = np.array([3 / long, 2.0, 0.5 * long])
@@ -87,12 +108,12 @@ def wilson(step: float, theta: float = PAPERS_THETA) -> Scheme:
 
 def _check_step(step: float) -> None:
     if not step > 0:
-        raise ModelError(f"A step in time must be above 0 s, got {step:g} s.")
+        raise ModelError(f"The time step must be above 0 s, got {step:g} s.")
 
 
 @dataclass(frozen=True)
 class Response:
-    """Displacements, velocities and accelerations, each (steps + 1, freedoms), from the start on."""
+    """Displacement, velocity and acceleration, each (steps + 1, freedoms), from the initial state on."""
 
     displacement: Array
     velocity: Array
@@ -103,19 +124,19 @@ def integrate(
     scheme: Scheme, M: Array, C: Array, K: Array, load: Array, displacement: Array, velocity: Array,
     acceleration: Array | None = None,
 ) -> Response:  # fmt: skip
-    """March M ẍ + C ẋ + K x = f with constant matrices.
+    """Integrate M ẍ + C ẋ + K x = f with constant matrices.
 
     Parameters
     ----------
-    M, C, K : (n, n), kg, N s/m, N/m or their angular kin
+    M, C, K : (n, n), kg, N s/m and N/m, or their rotational equivalents
     load : (steps, n), f at each step's time of equilibrium, t_k + θ Δt
-    displacement, velocity : (n,), at the start
-    acceleration : (n,), at the start; None takes that of equilibrium with the first load
+    displacement, velocity : (n,), initial values
+    acceleration : (n,), initial value; None takes that of equilibrium with the first load
 
     Raises
     ------
     ModelError
-        Where the effective matrix cannot be solved.
+        Where the effective matrix is singular.
 
     Examples
     --------
@@ -129,32 +150,34 @@ def integrate(
         inverse = np.linalg.inv(effective)
         if acceleration is None:
             first = load[0] if len(load) else np.zeros(len(M))
-            rest = first - C @ velocity - K @ displacement
-            acceleration = np.asarray(np.linalg.solve(M, rest), np.float64)
+            residual = first - C @ velocity - K @ displacement
+            acceleration = np.asarray(np.linalg.solve(M, residual), np.float64)
     except np.linalg.LinAlgError as error:
         raise ModelError(
             "The matrices of motion are singular: give every degree of freedom a mass."
         ) from error
     history = [scheme.a[i] * M + scheme.b[i] * C for i in range(3)]
-    onto = np.hstack([inverse @ part for part in history])
+    transition = np.hstack([inverse @ part for part in history])
     out = np.empty((3, len(load) + 1, len(M)))
     out[0, 0], out[1, 0], out[2, 0] = displacement, velocity, acceleration
     loaded = np.ascontiguousarray(load @ inverse.T)
-    march(np.ascontiguousarray(onto), loaded, scheme.step, scheme.p, scheme.g, scheme.h, out)
+    integrate_steps(
+        np.ascontiguousarray(transition), loaded, scheme.step, scheme.p, scheme.g, scheme.h, out
+    )
     return Response(*out)
 
 
 @numba.njit(cache=True, nogil=True)
-def march(onto, loaded, step, p, g, h, out):  # pragma: no cover
-    """x* = loaded + onto [x; ẋ; ẍ], and the state moves on; ``out`` (3, steps + 1, n) starts filled in."""
+def integrate_steps(transition, loaded, step, p, g, h, out):  # pragma: no cover
+    """All steps of x* = loaded + transition [x; ẋ; ẍ]; ``out`` (3, steps + 1, n) holds the initial state first."""
     n = out.shape[2]
     for k in range(len(loaded)):
         for i in range(n):
             reached = loaded[k, i]
             for j in range(n):
-                reached += onto[i, j] * out[0, k, j]
-                reached += onto[i, n + j] * out[1, k, j]
-                reached += onto[i, 2 * n + j] * out[2, k, j]
+                reached += transition[i, j] * out[0, k, j]
+                reached += transition[i, n + j] * out[1, k, j]
+                reached += transition[i, 2 * n + j] * out[2, k, j]
             x, v, a = out[0, k, i], out[1, k, i], out[2, k, i]
             after = p[0] * (reached - x) + p[1] * v + p[2] * a
             out[2, k + 1, i] = after

@@ -1,8 +1,8 @@
 """The unloaded profile of a track as functions: elevation, slope and curvature at any distance.
 
-A train on an elastic track needs r, r' and r'' of the profile under each wheel; differences of a
-sampled profile would cost a sixth of the acceleration at a usual step. So a profile here is a
-formula, or a spline. Each has the method
+A train on an elastic track needs r, r' and r'' of the profile under each wheel. Finite differences of a
+sampled profile would cause an error of a sixth of the acceleration at a typical step, so a profile here is a
+formula or a spline. Each class has the method
 
     at(distance (n,) [m]) -> (3, n): r [m], r' = dr/dx [-], r'' = d²r/dx² [1/m]; up is positive.
 """
@@ -22,20 +22,20 @@ from trackprofile.errors import DataError, ModelError
 
 Array = NDArray[np.float64]
 
-_FEWEST_COSINES = 1000
-_CHUNK = 1 << 18  # sines held at a time
+_MINIMUM_COSINES = 1000
+_CHUNK = 1 << 18  # cosines evaluated at a time
 
 
 class Irregularity(Protocol):
-    """What a wheel may run over."""
+    """An unloaded profile that a wheel runs over."""
 
     def at(self, distance: Array) -> Array:
-        """r [m], r' [-] and r'' [1/m] at ``distance`` (n,) [m], (3, n)."""
+        """Elevation r [m], slope r' [-] and curvature r'' [1/m] at ``distance`` (n,) [m]; (3, n)."""
         ...
 
 
 class Density(Protocol):
-    """A spectrum: a one-sided density over Ω."""
+    """A spectrum: a one-sided power spectral density over Ω."""
 
     def density(self, spatial_frequency: Array) -> Array:
         """S(Ω) [m²/(rad/m)] for Ω [rad/m]."""
@@ -44,7 +44,7 @@ class Density(Protocol):
 
 @dataclass(frozen=True)
 class Flat:
-    """No irregularity.
+    """A level profile without irregularity.
 
     Examples
     --------
@@ -61,14 +61,14 @@ class Flat:
 class Bell:
     """An inverted bell, r = -depth exp(-(x - centre)² / (2 width²)).
 
-    With 2 mm and 0.5 m, or 40 mm and 10 m, those of O'Brien, Bowe, Quirke and Cantero 2017,
-    doi 10.1177/0954409716664936.
+    O'Brien, Bowe, Quirke and Cantero 2017, doi 10.1177/0954409716664936, use 2 mm and 0.5 m, and
+    40 mm and 10 m.
 
     Parameters
     ----------
-    depth : positive is down [m]
-    width : the standard deviation of the bell [m]
-    centre : where it is deepest [m]
+    depth : depth at the centre, positive down [m]
+    width : standard deviation of the bell [m]
+    centre : distance of the deepest point [m]
 
     Raises
     ------
@@ -98,16 +98,16 @@ class Bell:
 class Dip:
     """Dipped rail joints, r = -depth/2 (1 + cos(π (x - joint) / half_length)) within half_length.
 
-    The versed sine, a usual form for a low joint. Its curvature jumps at its ends, by
-    π² depth / (2 half_length²).
+    The versed sine is a common model of a low joint. The curvature jumps by
+    π² depth / (2 half_length²) at each end of the dip.
 
     Parameters
     ----------
-    depth : positive is down [m]
-    half_length : from the joint to where the rail is level again [m]
-    position : of the first joint [m]
-    count : of joints
-    spacing : from one to the next, the length of a rail; of no account with one joint [m]
+    depth : depth at the joint, positive down [m]
+    half_length : distance from the joint to where the rail is level again [m]
+    position : distance of the first joint [m]
+    count : number of joints
+    spacing : distance between joints, the length of a rail; not used with one joint [m]
 
     Raises
     ------
@@ -150,7 +150,7 @@ class Dip:
 
 @dataclass(frozen=True, eq=False)
 class Cosines:
-    """A sum of waves r = w(x) Σ a cos(Ω x + φ), faded in by w.
+    """A sum of cosines r = w(x) Σ a cos(Ω x + φ) with the taper w.
 
     With u = (x - start) / taper, w is 0 before start, u³ (10 - 15 u + 6 u²) over the taper and 1
     after it, so that r'' is continuous.
@@ -158,14 +158,14 @@ class Cosines:
     Parameters
     ----------
     amplitude : a (m,) [m]
-    spatial_frequency : Ω (m,) [rad/m]; evenly spaced ones are summed far faster
+    spatial_frequency : Ω (m,) [rad/m]; evenly spaced values are summed much faster
     phase : φ (m,) [rad]
-    start : where it begins; from -∞ there is no taper [m]
-    taper : the length over which it is faded in [m]
+    start : distance at which the profile starts; -∞ means no taper [m]
+    taper : length over which the amplitude grows from 0 to full [m]
 
     Raises
     ------
-    ModelError : arrays that do not fit, or a start without a taper.
+    ModelError : the arrays differ in shape, or a start is given without a taper.
 
     Examples
     --------
@@ -184,11 +184,11 @@ class Cosines:
         shapes = [np.shape(one) for one in (self.amplitude, self.spatial_frequency, self.phase)]
         if len(set(shapes)) > 1 or len(shapes[0]) != 1:
             raise ModelError(
-                "Cosines: expected one amplitude, spatial frequency and phase for each, in arrays "
+                "Cosines: expected amplitude, spatial frequency and phase as arrays of one shape "
                 f"(m,), got the shapes {', '.join(map(str, shapes))}."
             )
         if np.isfinite(self.start):
-            _check_positive("Cosines that start somewhere", "taper", self.taper)
+            _check_positive("Cosines with a start", "taper", self.taper)
 
     def at(self, distance: Array) -> Array:
         """r [m], r' [-] and r'' [1/m], (3, n)."""
@@ -196,17 +196,17 @@ class Cosines:
         if not np.isfinite(self.start):
             return self._waves(distance)
         result = np.zeros((3, len(distance)))
-        begun = distance > self.start
-        s, ds, dds = self._waves(distance[begun])
-        u = np.minimum((distance[begun] - self.start) / self.taper, 1.0)
+        inside = distance > self.start
+        s, ds, dds = self._waves(distance[inside])
+        u = np.minimum((distance[inside] - self.start) / self.taper, 1.0)
         w = u**3 * (10 - 15 * u + 6 * u**2)
         dw = 30 * (u * (1 - u)) ** 2 / self.taper
         ddw = 60 * u * (1 - u) * (1 - 2 * u) / self.taper**2
-        result[:, begun] = w * s, w * ds + dw * s, w * dds + 2 * dw * ds + ddw * s
+        result[:, inside] = w * s, w * ds + dw * s, w * dds + 2 * dw * ds + ddw * s
         return result
 
     def _waves(self, distance: Array) -> Array:
-        """The sum without its taper, (3, n)."""
+        """The sum without the taper, (3, n)."""
         result = np.zeros((3, len(distance)))
         omega = np.asarray(self.spatial_frequency, dtype=np.float64)
         if _evenly_spaced(omega):
@@ -227,16 +227,16 @@ class Cosines:
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """A quintic spline through the values of a file: r'' too is smooth.
+    """A quintic spline through sampled values, so that r'' is smooth too.
 
     Parameters
     ----------
-    distance : strictly increasing, six or more (n,) [m]
+    distance : (n,), strictly increasing, n ≥ 6 [m]
     elevation : (n,) [m]
 
     Raises
     ------
-    DataError : too few values, one that is not finite, or distances that do not increase.
+    DataError : fewer than six values, a value that is not finite, or distances that do not increase.
 
     Examples
     --------
@@ -255,10 +255,12 @@ class Sampled:
                 f"shapes {np.shape(self.distance)} and {np.shape(self.elevation)}."
             )
         if not (np.isfinite(self.distance).all() and np.isfinite(self.elevation).all()):
-            raise DataError("Sampled profile: expected finite numbers, got a gap; fill or cut it.")
+            raise DataError(
+                "Sampled profile: expected finite numbers, got a gap; fill the gap or cut the profile there."
+            )
         if not (np.diff(self.distance) > 0).all():
             raise DataError(
-                "Sampled profile: expected distances that strictly increase; sort them."
+                "Sampled profile: expected strictly increasing distances; sort the rows by distance."
             )
 
     def at(self, distance: Array) -> Array:
@@ -269,13 +271,13 @@ class Sampled:
         DataError : a distance before the first value or after the last.
         """
         first, last = float(self.distance[0]), float(self.distance[-1])
-        # A run that ends where the file does ends a rounding beyond it.
+        # A run that ends at the last value may end beyond it by round-off.
         rounding = 1e-12 * max(abs(first), abs(last), 1.0)
         if len(distance) and not (
             first - rounding <= np.min(distance) and np.max(distance) <= last + rounding
         ):
             raise DataError(
-                f"Sampled profile: it goes from {first:g} m to {last:g} m, but is wanted from "
+                f"Sampled profile: it covers {first:g} m to {last:g} m, but the run needs "
                 f"{np.min(distance):g} m to {np.max(distance):g} m; shorten the run or give a "
                 "longer profile."
             )
@@ -288,7 +290,7 @@ class Sampled:
 
 @dataclass(frozen=True)
 class Sum:
-    """Several irregularities on top of one another.
+    """The sum of several irregularities.
 
     Examples
     --------
@@ -303,7 +305,7 @@ class Sum:
         return sum((part.at(distance) for part in self.parts), start=Flat().at(distance))
 
 
-def random(
+def random_irregularity(
     spectrum: Density,
     generator: np.random.Generator | int,
     shortest: float,
@@ -312,31 +314,31 @@ def random(
     start: float = -np.inf,
     taper: float = 0.0,
 ) -> Cosines:
-    """A random profile with that spectrum: evenly spaced waves with random phases.
+    """A random profile with a given spectrum: evenly spaced cosines with random phases.
 
-    a = √(2 S(Ω) ΔΩ) at the middles Ω of equal cells ΔΩ from 2π/longest to 2π/shortest (Shinozuka
-    and Deodatis 1991, doi 10.1115/1.3119501): the waves of a band then have the variance ∫ S dΩ
-    whatever the phases. There are 1000 of them or, where ``length`` is more than their common
-    period 2π/ΔΩ, so many that the profile does not repeat over it.
+    The amplitudes are a = √(2 S(Ω) ΔΩ) at the centres Ω of equal cells ΔΩ from 2π/longest to 2π/shortest (Shinozuka
+    and Deodatis 1991, doi 10.1115/1.3119501), so that the variance of a band is ∫ S dΩ for any phases. There are
+    1000 cosines, or more where ``length`` exceeds their common period 2π/ΔΩ, so that the profile does not repeat
+    over ``length``.
 
     Parameters
     ----------
-    spectrum : with the method ``density``
-    generator : or a seed; the same seed gives the same profile
-    shortest, longest : wavelengths [m]
-    length : over which the profile must not repeat [m]
-    start, taper : as of `Cosines` [m]
+    spectrum : any object with the method ``density``
+    generator : random generator or seed; the same seed gives the same profile
+    shortest, longest : shortest and longest wavelength [m]
+    length : length over which the profile does not repeat [m]
+    start, taper : as for `Cosines` [m]
 
     Raises
     ------
-    ModelError : unless 0 < shortest < longest, or the spectrum is not known there.
+    ModelError : not 0 < shortest < longest, or the spectrum is not defined for these wavelengths.
 
     Examples
     --------
     >>> from trackprofile.models.spectrum import Spectrum
     >>> fra6 = Spectrum("FRA 6", 1.5e-6, 0.0206, 0.825)
-    >>> profile = random(fra6, 1, shortest=3.0, longest=25.0)
-    >>> round(1e3 * float(np.sum(profile.amplitude**2) / 2) ** 0.5, 2)  # mm, as of fra6 in D1
+    >>> profile = random_irregularity(fra6, 1, shortest=3.0, longest=25.0)
+    >>> round(1e3 * float(np.sum(profile.amplitude**2) / 2) ** 0.5, 2)  # mm, that of fra6 in D1
     1.9
     """
     if not 0 < shortest < longest < np.inf:
@@ -345,7 +347,7 @@ def random(
             f"{shortest:g} m and {longest:g} m."
         )
     low, high = 2 * np.pi / longest, 2 * np.pi / shortest
-    count = max(_FEWEST_COSINES, int(np.ceil(length * (high - low) / (2 * np.pi))))
+    count = max(_MINIMUM_COSINES, int(np.ceil(length * (high - low) / (2 * np.pi))))
     step = (high - low) / count
     omega = low + step * (np.arange(count, dtype=np.float64) + 0.5)
     amplitude = np.sqrt(2 * spectrum.density(omega) * step)
@@ -359,7 +361,7 @@ def _check_positive(what: str, name: str, value: ArrayLike) -> None:
 
 
 def _evenly_spaced(omega: Array) -> bool:
-    """Whether taking Ω as evenly spaced changes no phase by more than rounding does."""
+    """Whether Ω is evenly spaced to within the effect of round-off on the phases."""
     if len(omega) < 2:
         return False
     even = np.linspace(omega[0], omega[-1], len(omega))
@@ -368,11 +370,11 @@ def _evenly_spaced(omega: Array) -> bool:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _sum_evenly(x, omega, step, real, imaginary, out):  # pragma: no cover
-    """out += Re Σ c e^(iΩx), and its first two derivatives; each wave is the one before it, turned by step x.
+    """Add Re Σ c e^(iΩx) and its first two derivatives to ``out``, by rotating the phase by step·x per cosine.
 
-    A turn rounds by some ε, so that m turns cost m ε at most: 1000 of them 1e-13.
+    Each rotation has a round-off of about ε, so that m rotations have at most m ε: 1e-13 for 1000.
     """
-    block = 256  # fits the innermost cache, and leaves the inner loop to vector instructions
+    block = 256  # fits the innermost cache and lets the inner loop be vectorised
     c, s, turn_c, turn_s = np.empty(block), np.empty(block), np.empty(block), np.empty(block)
     for first in range(0, len(x), block):
         n = min(block, len(x) - first)

@@ -1,4 +1,4 @@
-"""The motion of a point of the train along the track."""
+"""Motion of a point of the train along the track."""
 
 from __future__ import annotations
 
@@ -12,7 +12,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Motion:
-    """Time (s), distance (m), speed (m/s) and acceleration (m/s²) at the samples, each (n,)."""
+    """Motion of one point along the track at n samples.
+
+    Parameters
+    ----------
+    time : (n,), s
+    distance : (n,), m
+    speed : (n,), m/s
+    acceleration : (n,), m/s²
+    """
 
     time: Array
     distance: Array
@@ -21,7 +29,14 @@ class Motion:
 
 
 def along_track(recorded: Motion, origin: float, scale: float) -> Motion:
-    """The motion with ``scale`` true metres to a recorded one, of a point ``origin`` m ahead."""
+    """Motion of a point ahead of the recorded one, with the scale of the recorded distance corrected.
+
+    Parameters
+    ----------
+    recorded : motion as recorded
+    origin : how far ahead the point is, m
+    scale : true distance per recorded distance
+    """
     return Motion(
         recorded.time,
         scale * recorded.distance + origin,

@@ -1,14 +1,14 @@
-"""The roll of a car, which is the heave of another: what the cross level does to it, and what sensors feel of that.
+"""Roll of a car on the cross level, described by an equivalent vehicle that heaves, and its sensors.
 
-A car that is alike on both sides has two motions that know nothing of each other. Heave and pitch stand on the mean of
-both rails, roll on their difference, the cross level c = r_L - r_R. With w between the contacts of a wheelset's wheels
-and u = w φ, a wheelset's u is the cross level under it, and
+A car that is symmetric about its vertical longitudinal plane has two uncoupled motions: heave and pitch are excited by
+the mean of both rails, roll by their difference, the cross level c = r_L - r_R. With w the distance between the contact
+points of a wheelset and u = w φ, the u of a wheelset is the cross level under it, and the equation of roll
 
     I/w² ü + Σ (c b²/w²) (u̇ - u̇_below) + Σ ((k b² + k_φ)/w²) (u - u_below) = 0
 
-is the heave of a car whose masses are I/w² and whose springs are (k b² + k_φ)/w², with b the semi-spacing of springs
-and dampers and k_φ of an anti-roll bar (theory, section 13). So all that is known of heave holds of roll. Left out:
-the sideways motion that goes with roll where a centre of gravity stands above its springs.
+is the equation of heave of a vehicle with the masses I/w² and the springs (k b² + k_φ)/w², where b is the semi-spacing
+of springs and dampers and k_φ the stiffness of an anti-roll bar (theory, section 13). All functions for heave therefore
+apply to roll. Neglected: the lateral motion coupled to roll where a centre of gravity lies above its springs.
 """
 
 from __future__ import annotations
@@ -33,56 +33,56 @@ from trackprofile.models.vehicle import (
 
 Array = NDArray[np.float64]
 
-SAME_PLACE = 0.05
-"""m along the car, by which the two of a pair may stand apart."""
+POSITION_TOLERANCE = 0.05
+"""Maximum longitudinal distance between the two sensors of a pair, m."""
 
-SAME_BANDWIDTH = 0.01
-"""Share by which the bandwidths of the two of a pair may differ."""
+BANDWIDTH_TOLERANCE = 0.01
+"""Maximum relative difference between the bandwidths of the two sensors of a pair."""
 
-BAR = " anti-roll bar"
-"""What a link's name gains for the bar beside it."""
+ANTI_ROLL_BAR_SUFFIX = " anti-roll bar"
+"""Suffix of the name of the link that represents a link's anti-roll bar."""
 
 
 @dataclass(frozen=True)
-class RollingVehicle(Vehicle):
-    """A car whose heave is the roll of another: u = w φ in m, with w its ``contact_spacing``."""
+class RollVehicle(Vehicle):
+    """A vehicle whose heave is the roll of another: u = w φ in m, with w its ``contact_spacing``."""
 
     def __post_init__(self) -> None:
-        """It is made of a vehicle that was checked."""
+        """Skip the checks of `Vehicle`: the vehicle that it is built from has passed them."""
 
 
-def roll_unknowns(vehicle: Vehicle, track: PointTrack) -> tuple[str, ...]:
-    """What a vehicle would have to state for its roll to be known, such as ``roll_inertia of 'body'``.
+def missing_roll_parameters(vehicle: Vehicle, track: PointTrack) -> tuple[str, ...]:
+    """The parameters that a vehicle lacks for its roll to be modelled, such as ``roll_inertia of 'body'``.
 
     Examples
     --------
     >>> from trackprofile.io.model_toml import read_vehicle
-    >>> roll_unknowns(read_vehicle("quarter-car")[0], RigidTrack())[:2]
+    >>> missing_roll_parameters(read_vehicle("quarter-car")[0], RigidTrack())[:2]
     ("roll_inertia of 'body'", "roll_inertia of 'bogie'")
     """
-    inert = [*vehicle.bodies, *([] if isinstance(track, RigidTrack) else vehicle.wheels)]
+    moving = [*vehicle.bodies, *([] if isinstance(track, RigidTrack) else vehicle.wheels)]
     return (
-        *(f"roll_inertia of {one.name!r}" for one in inert if one.roll_inertia is None),
+        *(f"roll_inertia of {one.name!r}" for one in moving if one.roll_inertia is None),
         *(f"semi_spacing of {one.name!r}" for one in vehicle.links if one.semi_spacing is None),
     )
 
 
-def rolling(vehicle: Vehicle) -> RollingVehicle:
-    """The car whose heave is the roll of this one, its parameters those of this one that roll feels.
+def roll_vehicle(vehicle: Vehicle) -> RollVehicle:
+    """The vehicle whose heave is the roll of the given one, with those of its parameters that affect roll.
 
     Raises
     ------
     ModelError
-        Where a roll inertia or a semi-spacing is not stated, or one parameter serves links of different semi-spacings.
+        Where a roll inertia or a semi-spacing is missing, or links of different semi-spacings share a parameter.
 
     Examples
     --------
     >>> from trackprofile.io.model_toml import read_vehicle
     >>> manchester, _ = read_vehicle("manchester-benchmark")
-    >>> rolling(manchester).body("body").mass * 1.5**2  # its roll inertia, kg m²
+    >>> roll_vehicle(manchester).body("body").mass * 1.5**2  # its roll inertia, kg m²
     56800.0
     """
-    unknown = roll_unknowns(vehicle, RigidTrack())
+    unknown = missing_roll_parameters(vehicle, RigidTrack())
     if unknown:
         raise ModelError(f"vehicle {vehicle.name!r} does not state {', '.join(unknown)}; add them")
     square = vehicle.contact_spacing**2
@@ -92,9 +92,11 @@ def rolling(vehicle: Vehicle) -> RollingVehicle:
         ends = (link.upper, link.lower, link.position)
         links.append(Link(link.name, *ends, share * link.stiffness, share * link.damping))
         if link.roll_stiffness > 0.0:
-            # A link of its own, so that a parameter's logarithm acts here as it does there.
-            links.append(Link(link.name + BAR, *ends, link.roll_stiffness / square, 0.0))
-    found = RollingVehicle(
+            # A separate link, so that a factor on the bar's parameter scales the bar's stiffness only.
+            links.append(
+                Link(link.name + ANTI_ROLL_BAR_SUFFIX, *ends, link.roll_stiffness / square, 0.0)
+            )
+    result = RollVehicle(
         vehicle.name,
         bodies=tuple(
             Body(one.name, (one.roll_inertia or 0.0) / square, None, one.position)
@@ -107,24 +109,24 @@ def rolling(vehicle: Vehicle) -> RollingVehicle:
         ),
         source=vehicle.source,
         parameters=tuple(
-            felt
+            parameter
             for one in vehicle.parameters
-            if (felt := _felt_in_roll(one, [link.name for link in links]))
+            if (parameter := _roll_parameter(one, [link.name for link in links]))
         ),
         contact_spacing=vehicle.contact_spacing,
     )
     try:
-        parameter_values(found)
+        parameter_values(result)
     except ModelError as error:
         raise ModelError(
             f"vehicle {vehicle.name!r}: links of different semi-spacings share a parameter, {error}; give each its own"
         ) from error
-    return found
+    return result
 
 
-def rolling_wheels(vehicle: Vehicle) -> RollingVehicle:
-    """The wheelsets alone, which on a rigid track roll as the rails make them."""
-    return RollingVehicle(
+def roll_wheelsets(vehicle: Vehicle) -> RollVehicle:
+    """The roll vehicle reduced to its wheelsets, whose roll on a rigid track is that of the rails."""
+    return RollVehicle(
         vehicle.name,
         bodies=(),
         links=(),
@@ -134,26 +136,30 @@ def rolling_wheels(vehicle: Vehicle) -> RollingVehicle:
     )
 
 
-def rolling_for(vehicle: Vehicle, track: PointTrack, sensors: Sequence[Sensor]) -> RollingVehicle:
-    """The rolling car for such sensors: its wheelsets alone where these are all that is needed and known.
+def roll_vehicle_for_sensors(
+    vehicle: Vehicle, track: PointTrack, sensors: Sequence[Sensor]
+) -> RollVehicle:
+    """The roll vehicle for given sensors; only its wheelsets where nothing else is needed or known.
 
     Raises
     ------
     ModelError
-        As of :func:`rolling`.
+        As for :func:`roll_vehicle`.
     """
     wheels = {wheel.name for wheel in vehicle.wheels}
-    alone = isinstance(track, RigidTrack) and all(one.body in wheels for one in sensors)
-    return rolling_wheels(vehicle) if alone and roll_unknowns(vehicle, track) else rolling(vehicle)
+    wheelsets_suffice = isinstance(track, RigidTrack) and all(one.body in wheels for one in sensors)
+    if wheelsets_suffice and missing_roll_parameters(vehicle, track):
+        return roll_wheelsets(vehicle)
+    return roll_vehicle(vehicle)
 
 
-def rolling_track(track: PointTrack) -> PointTrack:
-    """What the rolling car stands on: half of k_t under each rail makes k_t w²/4 in roll, and k_t/4 over w².
+def roll_track(track: PointTrack) -> PointTrack:
+    """The track under the roll vehicle: k_t/2 under each rail makes k_t w²/4 in roll, which is k_t/4 for u = w φ.
 
     Examples
     --------
     >>> from trackprofile.models.track import ElasticTrack
-    >>> rolling_track(ElasticTrack(88e6, 36e3)).stiffness
+    >>> roll_track(ElasticTrack(88e6, 36e3)).stiffness
     22000000.0
     """
     if isinstance(track, RigidTrack):
@@ -172,102 +178,109 @@ def rolling_track(track: PointTrack) -> PointTrack:
 
 @dataclass(frozen=True)
 class SensorPair:
-    """Two accelerometers, by their numbers, of one cross-section: a_L = h + y_L φ̈, a_R = h + y_R φ̈.
+    """Two accelerometers in one cross-section: a_L = h + y_L φ̈ and a_R = h + y_R φ̈, with heave h and roll φ.
 
     Parameters
     ----------
-    left, right : numbers of the sensors
-    reach : y_L, y_R, m, above 0 and below 0
+    left, right : indices of the sensors
+    lateral : y_L above 0 and y_R below 0, m
     """
 
     left: int
     right: int
-    reach: tuple[float, float]
+    lateral: tuple[float, float]
 
     @property
-    def of_mean(self) -> Array:
-        """Weights of the two in h: -y_R/(y_L - y_R) and y_L/(y_L - y_R)."""
-        left, right = self.reach
+    def mean_weights(self) -> Array:
+        """Weights of the two readings in the heave h, (2,): -y_R/(y_L - y_R) and y_L/(y_L - y_R)."""
+        left, right = self.lateral
         return np.array([-right, left]) / (left - right)
 
     @property
-    def of_difference(self) -> Array:
-        """Shares of a_L - a_R in what the two read beyond h: y_L/(y_L - y_R) and y_R/(y_L - y_R)."""
-        left, right = self.reach
+    def difference_shares(self) -> Array:
+        """Shares of a_L - a_R in the two readings minus h, (2,): y_L/(y_L - y_R) and y_R/(y_L - y_R)."""
+        left, right = self.lateral
         return np.array([left, right]) / (left - right)
 
 
 def sensor_pairs(sensors: Sequence[Sensor]) -> tuple[SensorPair, ...]:
-    """Accelerometers left and right of the same body, at the same place along it and with the same bandwidth.
+    """Pairs of accelerometers left and right on one body, at the same longitudinal position, with equal bandwidth.
 
     Examples
     --------
     >>> left = Sensor("a", VERTICAL_ACCELERATION, "wheel 1", lateral=1.0)
     >>> right = Sensor("b", VERTICAL_ACCELERATION, "wheel 1", lateral=-1.0)
-    >>> pairs_of([right, left])
-    (Pair(left=1, right=0, reach=(1.0, -1.0)),)
+    >>> sensor_pairs([right, left])
+    (SensorPair(left=1, right=0, lateral=(1.0, -1.0)),)
     """
     pairs: list[SensorPair] = []
-    taken: set[int] = set()
+    paired: set[int] = set()
     for i, one in enumerate(sensors):
         for j, other in enumerate(sensors):
-            if not {i, j} & taken and _opposite(one, other):
+            if not {i, j} & paired and _opposite(one, other):
                 pairs.append(SensorPair(i, j, (one.lateral, other.lateral)))
-                taken |= {i, j}
+                paired |= {i, j}
     return tuple(pairs)
 
 
-def mean_of(left: Sensor, right: Sensor, pair: SensorPair) -> Sensor:
-    """What reads the heave that the two of a pair feel."""
+def mean_sensor(left: Sensor, right: Sensor, pair: SensorPair) -> Sensor:
+    """The virtual sensor of a pair that measures heave."""
     return replace(
-        _together(left, right, pair.of_mean), name=f"mean of {left.name} and {right.name}"
+        _combined(left, right, pair.mean_weights), name=f"mean of {left.name} and {right.name}"
     )
 
 
-def difference_of(left: Sensor, right: Sensor, pair: SensorPair, contact_spacing: float) -> Sensor:
-    """What reads the roll that the two of a pair feel, on the rolling car: a_L - a_R = (y_L - y_R)/w ü."""
-    gain = left.gain_along * (pair.reach[0] - pair.reach[1]) / contact_spacing
-    both = _together(left, right, np.array([1.0, -1.0]))
+def difference_sensor(
+    left: Sensor, right: Sensor, pair: SensorPair, contact_spacing: float
+) -> Sensor:
+    """The virtual sensor of a pair that measures roll, on the roll vehicle: a_L - a_R = (y_L - y_R)/w ü."""
+    gain = left.effective_gain * (pair.lateral[0] - pair.lateral[1]) / contact_spacing
+    both = _combined(left, right, np.array([1.0, -1.0]))
     return replace(both, name=f"{left.name} - {right.name}", gain=gain, tilt=0.0, residual=None)
 
 
-def roll_rate_of(sensor: Sensor, contact_spacing: float) -> Sensor:
-    """A roll rate sensor as the rolling car has it: φ̇ = u̇/w."""
+def roll_rate_sensor(sensor: Sensor, contact_spacing: float) -> Sensor:
+    """A roll rate sensor expressed on the roll vehicle: φ̇ = u̇/w."""
     return replace(sensor, lateral=0.0, gain=sensor.gain / contact_spacing)
 
 
-def shared_noise(left: Sensor, right: Sensor, pair: SensorPair) -> float:
-    """Correlation of the noise of a pair's mean and difference: 0 where both sides are alike.
+def noise_correlation(left: Sensor, right: Sensor, pair: SensorPair) -> float:
+    """Correlation of the noise of a pair's mean and difference; 0 where both sensors have equal noise.
 
-    Sides of which only one states its noise, or none, are taken to be alike.
+    Equal noise is assumed where one or both sensors state none.
     """
     if left.noise_density is None or right.noise_density is None:
         powers = np.ones(2)
     else:
         powers = np.square([left.noise_density, right.noise_density])
-    mean, difference = pair.of_mean, np.array([1.0, -1.0])
+    mean, difference = pair.mean_weights, np.array([1.0, -1.0])
     cross = np.sum(mean * difference * powers)
     return float(cross / np.sqrt(np.sum(mean**2 * powers) * np.sum(difference**2 * powers)))
 
 
 @dataclass(frozen=True)
 class RailMode:
-    """Sensors that read one of the two motions, and how each comes about from those on board.
+    """Virtual sensors of one of the two rail modes (mean or difference), and their relation to those on board.
 
     Parameters
     ----------
-    sensors : as the car, or the rolling car, has them
-    weights : (on board, sensors), of the readings
-    shares : (sensors, on board), of its readings in those of the sensors on board
+    sensors : virtual sensors, on the vehicle (mean) or on the roll vehicle (difference)
+    weights : (on board, sensors), weights of the readings on board in the virtual readings
+    shares : (sensors, on board), shares of the virtual readings in the readings on board
     """
 
     sensors: tuple[Sensor, ...]
     weights: Array
     shares: Array
 
-    def only(self, wanted: Sequence[bool]) -> RailMode:
-        """Some of the sensors."""
-        kept = np.flatnonzero(wanted)
+    def select(self, selected: Sequence[bool]) -> RailMode:
+        """The same mode with some of its sensors.
+
+        Parameters
+        ----------
+        selected : one flag per sensor
+        """
+        kept = np.flatnonzero(selected)
         return RailMode(
             tuple(self.sensors[i] for i in kept), self.weights[:, kept], self.shares[kept]
         )
@@ -276,61 +289,64 @@ class RailMode:
 def rail_modes(
     sensors: Sequence[Sensor], pairs: Sequence[SensorPair], contact_spacing: float
 ) -> tuple[RailMode, RailMode]:
-    """What reads the mean of both rails, and what reads their difference.
+    """The virtual sensors of the mean of both rails, and those of their difference.
 
     Examples
     --------
     >>> sides = [Sensor(name, VERTICAL_ACCELERATION, "wheel 1", lateral=y, noise_density=1.0)
     ...     for name, y in (("a", 0.9), ("b", -0.9))]
-    >>> mean, difference = halves_of(sides, pairs_of(sides), 1.5)
+    >>> mean, difference = rail_modes(sides, sensor_pairs(sides), 1.5)
     >>> mean.weights.T, round(mean.sensors[0].noise_density, 3)
     (array([[0.5, 0.5]]), 0.707)
     >>> difference.weights.T, round(difference.sensors[0].noise_density, 3), difference.sensors[0].gain
     (array([[ 1., -1.]]), 1.414, 1.2)
     """
-    of = {pair.left: pair for pair in pairs}
+    pair_of_left = {pair.left: pair for pair in pairs}
     rights = {pair.right for pair in pairs}
-    alone = np.eye(len(sensors))
+    unit = np.eye(len(sensors))
     mean, difference = list[_Reading](), list[_Reading]()
     for i, one in enumerate(sensors):
         if one.quantity == ROLL_RATE:
-            difference.append((roll_rate_of(one, contact_spacing), alone[i], alone[i]))
-        elif i in of:
-            pair, other = of[i], sensors[of[i].right]
-            sides = alone[[i, pair.right]]
-            mean.append((mean_of(one, other, pair), pair.of_mean @ sides, np.sum(sides, axis=0)))
-            apart = difference_of(one, other, pair, contact_spacing)
-            difference.append((apart, sides[0] - sides[1], pair.of_difference @ sides))
+            difference.append((roll_rate_sensor(one, contact_spacing), unit[i], unit[i]))
+        elif i in pair_of_left:
+            pair, other = pair_of_left[i], sensors[pair_of_left[i].right]
+            sides = unit[[i, pair.right]]
+            mean.append(
+                (mean_sensor(one, other, pair), pair.mean_weights @ sides, np.sum(sides, axis=0))
+            )
+            virtual = difference_sensor(one, other, pair, contact_spacing)
+            difference.append((virtual, sides[0] - sides[1], pair.difference_shares @ sides))
         elif i not in rights:
-            mean.append((one, alone[i], alone[i]))
-    return _half(mean, len(sensors)), _half(difference, len(sensors))
+            mean.append((one, unit[i], unit[i]))
+    return _rail_mode(mean, len(sensors)), _rail_mode(difference, len(sensors))
 
 
 _Reading = tuple[Sensor, Array, Array]
+"""A virtual sensor, its weights (on board,) and its shares (on board,)."""
 
 
-def _half(parts: Sequence[_Reading], count: int) -> RailMode:
-    """Of sensors, each with its weights and shares, (on board,)."""
+def _rail_mode(parts: Sequence[_Reading], count: int) -> RailMode:
     weights, shares = (np.array([one[k] for one in parts]).reshape(-1, count) for k in (1, 2))
     return RailMode(tuple(one[0] for one in parts), weights.T, shares)
 
 
 def _opposite(left: Sensor, right: Sensor) -> bool:
-    alike = (left.quantity, left.body) == (right.quantity, right.body)
-    beside = abs(left.position - right.position) <= SAME_PLACE
-    sides = left.lateral > 0.0 > right.lateral
-    same = _same_bandwidth(left.bandwidth, right.bandwidth)
-    return left.quantity == VERTICAL_ACCELERATION and alike and beside and sides and same
+    same_body = (left.quantity, left.body) == (right.quantity, right.body)
+    same_position = abs(left.position - right.position) <= POSITION_TOLERANCE
+    both_sides = left.lateral > 0.0 > right.lateral
+    same_bandwidth = _same_bandwidth(left.bandwidth, right.bandwidth)
+    accelerometers = left.quantity == VERTICAL_ACCELERATION
+    return accelerometers and same_body and same_position and both_sides and same_bandwidth
 
 
 def _same_bandwidth(one: float | None, other: float | None) -> bool:
     if one is None or other is None:
         return one is other
-    return abs(one - other) <= SAME_BANDWIDTH * other
+    return abs(one - other) <= BANDWIDTH_TOLERANCE * other
 
 
-def _together(left: Sensor, right: Sensor, weights: Array) -> Sensor:
-    """A sensor that reads a weighted sum of two, whose noises, flickers, offsets and drifts are independent."""
+def _combined(left: Sensor, right: Sensor, weights: Array) -> Sensor:
+    """A sensor that reads a weighted sum of two sensors with independent noise, flicker, offset and drift."""
 
     def root(one: float, other: float) -> float:
         return float(np.hypot(weights[0] * one, weights[1] * other))
@@ -349,14 +365,14 @@ def _together(left: Sensor, right: Sensor, weights: Array) -> Sensor:
     )
 
 
-def _felt_in_roll(parameter: VehicleParameter, links: Sequence[str]) -> VehicleParameter | None:
-    """The parameter with the fields of the rolling car that it stands for; None where roll does not feel it."""
+def _roll_parameter(parameter: VehicleParameter, links: Sequence[str]) -> VehicleParameter | None:
+    """The parameter with the corresponding fields of the roll vehicle; None where it does not affect roll."""
     used_by = list[tuple[str, str]]()
     for part, field in parameter.used_by:
         if field == "roll_inertia":
             used_by.append((part, "mass"))
-        elif field == "roll_stiffness" and part + BAR in links:
-            used_by.append((part + BAR, "stiffness"))
+        elif field == "roll_stiffness" and part + ANTI_ROLL_BAR_SUFFIX in links:
+            used_by.append((part + ANTI_ROLL_BAR_SUFFIX, "stiffness"))
         elif field in {"stiffness", "damping", "position"}:
             used_by.append((part, field))
     return replace(parameter, used_by=tuple(used_by)) if used_by else None

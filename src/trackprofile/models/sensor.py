@@ -16,11 +16,11 @@ UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s", ROLL_RATE: "rad/s"}
 
 # Wide enough for an uncalibrated MEMS part, narrow enough to keep an offset apart from the track:
 # 10 mg and 0.6 °/s (facts: zero-g and zero-rate offsets of the parts listed there).
-OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01, ROLL_RATE: 0.01}
+DEFAULT_OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01, ROLL_RATE: 0.01}
 
 # What parts of that price do in a minute as they warm up: 0.8 mm/s² (80 µg) and 8 °/h (facts: bias instabilities and
 # temperature coefficients). At 10 m/s it takes nothing from waves up to 70 m.
-DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6, ROLL_RATE: 5e-6}
+DEFAULT_DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6, ROLL_RATE: 5e-6}
 
 
 @dataclass(frozen=True)
@@ -113,13 +113,13 @@ class Sensor:
             )
 
     @property
-    def gain_along(self) -> float:
+    def effective_gain(self) -> float:
         """Reading per quantity along the vehicle's axis; a tilt in that plane leaves a pitch rate as it is."""
         tilted = self.quantity == VERTICAL_ACCELERATION
         return float(self.gain * np.cos(self.tilt)) if tilted else self.gain
 
     @property
-    def gain_across(self) -> float:
+    def longitudinal_gain(self) -> float:
         """Reading per longitudinal acceleration."""
         tilted = self.quantity == VERTICAL_ACCELERATION
         return float(self.gain * np.sin(self.tilt)) if tilted else 0.0
@@ -127,15 +127,15 @@ class Sensor:
     @property
     def offset_standard_deviation(self) -> float:
         """The stated spread of the offset, or the usual one of that quantity."""
-        return OFFSET[self.quantity] if self.offset is None else self.offset
+        return DEFAULT_OFFSET[self.quantity] if self.offset is None else self.offset
 
     @property
     def drift_rate(self) -> float:
         """The stated drift, or the usual one of that quantity."""
-        return DRIFT[self.quantity] if self.drift is None else self.drift
+        return DEFAULT_DRIFT[self.quantity] if self.drift is None else self.drift
 
 
-def stated_noise(sensor: Sensor, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+def sensor_noise_density(sensor: Sensor, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     """The one-sided power spectral density of what a sensor adds by its own statement.
 
     S(f) = N² + F²/f + 2 D²/(2πf)², with white noise N, flicker F and drift D; what is not stated is 0.
@@ -151,7 +151,7 @@ def stated_noise(sensor: Sensor, frequency: NDArray[np.float64]) -> NDArray[np.f
     Examples
     --------
     >>> floor = Sensor("floor", "vertical acceleration", "body", noise_density=3e-4, flicker=4e-4)
-    >>> np.sqrt(stated_noise(floor, np.array([1.0])))
+    >>> np.sqrt(sensor_noise_density(floor, np.array([1.0])))
     array([0.0005])
     """
     white, flicker, drift = (

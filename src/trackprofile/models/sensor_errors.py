@@ -11,15 +11,15 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from trackprofile.errors import DataError, ModelError
-from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor, stated_noise
+from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor, sensor_noise_density
 from trackprofile.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
-ANTI_ALIAS = 0.25
+ANTI_ALIAS_SHARE = 0.25
 """Bandwidth of an anti-alias filter as a share of the sampling rate; digital parts such as ADXL355 keep it."""
 
-WHOLE = 1e-6
+MULTIPLE_TOLERANCE = 1e-6
 """How far from a whole number of steps a sampling interval may be, as a share of one step."""
 
 
@@ -108,13 +108,13 @@ def measure(
     every = _multiple(interval, sampling_interval)
     felt = _felt(instrument, _row(exact))
     sampled = _low_passed(felt, instrument.sensor.bandwidth, interval)[::every]
-    reading = sampled + noise(instrument, len(sampled), sampling_interval, generator)
+    reading = sampled + instrument_noise(instrument, len(sampled), sampling_interval, generator)
     largest = np.inf if instrument.range is None else instrument.range
     values = _quantised(np.clip(reading, -largest, largest), instrument.resolution)
     return values, np.abs(reading) <= largest
 
 
-def noise(
+def instrument_noise(
     instrument: Instrument, count: int, sampling_interval: float, generator: np.random.Generator
 ) -> Array:
     """What the instrument adds to ``count`` samples: white noise, flicker, and a drifting offset, sensor's unit.
@@ -122,7 +122,7 @@ def noise(
     Examples
     --------
     >>> quiet = Instrument(Sensor("rate", "pitch rate", "body"))
-    >>> noise(quiet, 2, 0.004, np.random.default_rng(1))
+    >>> instrument_noise(quiet, 2, 0.004, np.random.default_rng(1))
     array([0., 0.])
     """
     sensor = instrument.sensor
@@ -135,7 +135,9 @@ def noise(
     return (sensor.noise_density or 0.0) * white + (sensor.flicker or 0.0) * pink + np.cumsum(steps)
 
 
-def noise_density(instrument: Instrument, frequency: Array, sampling_interval: float) -> Array:
+def instrument_noise_density(
+    instrument: Instrument, frequency: Array, sampling_interval: float
+) -> Array:
     """The one-sided power spectral density of what `measure` adds to the exact quantity.
 
     S(f) = N² + F²/f + 2 D²/(2πf)² + (q²/12) 2 Δt, with the white noise N, flicker F, drift D and resolution q. The
@@ -153,7 +155,7 @@ def noise_density(instrument: Instrument, frequency: Array, sampling_interval: f
     Examples
     --------
     >>> floor = Sensor("floor", "vertical acceleration", "body", noise_density=3e-4, flicker=4e-4)
-    >>> np.sqrt(noise_density(Instrument(floor), np.array([1.0]), 0.004))
+    >>> np.sqrt(instrument_noise_density(Instrument(floor), np.array([1.0]), 0.004))
     array([0.0005])
     """
     f = np.asarray(frequency, np.float64)
@@ -161,10 +163,13 @@ def noise_density(instrument: Instrument, frequency: Array, sampling_interval: f
         raise DataError(
             f"Noise density: expected frequencies above 0 Hz, got {np.min(f):g}; leave that one out."
         )
-    return stated_noise(instrument.sensor, f) + instrument.resolution**2 / 6 * sampling_interval
+    return (
+        sensor_noise_density(instrument.sensor, f)
+        + instrument.resolution**2 / 6 * sampling_interval
+    )
 
 
-def anti_aliased(instrument: Instrument, sampling_interval: float) -> Instrument:
+def with_anti_alias_filter(instrument: Instrument, sampling_interval: float) -> Instrument:
     """The same instrument, with a bandwidth of at most a quarter of its sampling rate.
 
     It stands in the sensor, where the inference sees it too.
@@ -172,10 +177,10 @@ def anti_aliased(instrument: Instrument, sampling_interval: float) -> Instrument
     Examples
     --------
     >>> rate = Instrument(Sensor("rate", "pitch rate", "body"))
-    >>> anti_aliased(rate, 0.004).sensor.bandwidth
+    >>> with_anti_alias_filter(rate, 0.004).sensor.bandwidth
     62.5
     """
-    widest = ANTI_ALIAS / sampling_interval
+    widest = ANTI_ALIAS_SHARE / sampling_interval
     bandwidth = min(instrument.sensor.bandwidth or np.inf, widest)
     return replace(instrument, sensor=replace(instrument.sensor, bandwidth=bandwidth))
 
@@ -183,7 +188,7 @@ def anti_aliased(instrument: Instrument, sampling_interval: float) -> Instrument
 def _multiple(interval: float, sampling_interval: float) -> int:
     """How many steps there are from one sample to the next."""
     ratio = sampling_interval / interval if interval > 0 else np.nan
-    if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) <= WHOLE):
+    if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) <= MULTIPLE_TOLERANCE):
         raise DataError(
             f"Sampling: expected a whole multiple of the interval of {interval:g} s, got "
             f"{sampling_interval:g} s; choose an interval that divides it."

@@ -82,7 +82,7 @@ class SpectrumSegment:
 
     Examples
     --------
-    >>> Piece(density=1e-6, at=1.0, slope=2.0).density_at(np.array([1.0, 2.0]))
+    >>> SpectrumSegment(density=1e-6, at=1.0, slope=2.0).density_at(np.array([1.0, 2.0]))
     array([1.0e-06, 2.5e-07])
     """
 
@@ -118,7 +118,7 @@ class PowerLaw:
 
     Examples
     --------
-    >>> flat = PowerLaw("flat", (Piece(1e-6, at=1.0, slope=0.0),), shortest=1.0, longest=100.0)
+    >>> flat = PowerLaw("flat", (SpectrumSegment(1e-6, at=1.0, slope=0.0),), shortest=1.0, longest=100.0)
     >>> round(1e3 * flat.standard_deviation(3.0, 25.0), 3)  # √(1e-6 (2π/3 - 2π/25)) m
     1.358
     """
@@ -193,7 +193,7 @@ Roughness = Spectrum | PowerLaw
 """Any spectrum of track irregularity."""
 
 
-def rational(roughness: Roughness) -> Spectrum:
+def require_rational(roughness: Roughness) -> Spectrum:
     """The spectrum, if it is of the rational form, which alone can be the prior of an estimate.
 
     Raises
@@ -230,7 +230,7 @@ class MarkovProfile:
         return self.variance * lags[np.abs(index[:, None] - index)]
 
 
-def markov(spectrum: Spectrum, spacing: float) -> MarkovProfile:
+def markov_process(spectrum: Spectrum, spacing: float) -> MarkovProfile:
     """The second-order Markov process with the spectrum's poles and variance (theory, section 7).
 
     a1 = e^(-Ωr h) + e^(-Ωc h), a2 = -e^(-(Ωr + Ωc) h); the innovation's variance follows from the stationary one.
@@ -248,12 +248,12 @@ def markov(spectrum: Spectrum, spacing: float) -> MarkovProfile:
     )
 
 
-def scaled(spectrum: Spectrum, factor: float) -> Spectrum:
+def scale_density(spectrum: Spectrum, factor: float) -> Spectrum:
     """The same shape with ``factor`` times the density."""
     return replace(spectrum, amplitude=spectrum.amplitude * factor)
 
 
-def draw(
+def random_profile(
     spectrum: Spectrum, distance: Array, generator: np.random.Generator, shortest: float = 0.5
 ) -> Array:
     """A random profile with that spectrum, m, at evenly or unevenly spaced ``distance`` (n,) in m.

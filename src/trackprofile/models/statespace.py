@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from trackprofile.errors import ModelError
-from trackprofile.models.flicker_noise import processes
-from trackprofile.models.roll import RollingVehicle
+from trackprofile.models.flicker_noise import flicker_processes
+from trackprofile.models.roll import RollVehicle
 from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
-from trackprofile.models.track import ElasticTrack, PointTrack, RigidTrack, under_wheels
+from trackprofile.models.track import ElasticTrack, PointTrack, RigidTrack, wheel_matrices
 from trackprofile.models.vehicle import HEAVE, PITCH, Assembly, Vehicle, assemble, displacement_row
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def state_space(
     track: PointTrack,
     sensors: Sequence[Sensor],
     unmodelled: float = 0.0,
-    loudness: Sequence[float] = (),
+    signal_rms: Sequence[float] = (),
 ) -> StateSpace:
     """The linear system of a vehicle on a rigid path or on per-wheel springs.
 
@@ -75,7 +75,7 @@ def state_space(
     deviation, m/s², of what a rigid, linear car leaves out: random accelerations of the first body's heave, and of
     its pitch as much as makes the same at the radius of gyration √(I/m). Friction, play and progressive springs act
     with the stroke of the suspension, so each is strongest about the frequency of the mode in which it moves.
-    ``loudness`` is each signal's root mean square, of which a sensor's residual is a share; none leaves residuals out.
+    ``signal_rms`` is each signal's root mean square, of which a residual is a share; empty: no residuals.
 
     Raises
     ------
@@ -107,11 +107,11 @@ def state_space(
             )
             if isinstance(track, RigidTrack):
                 D[row, 2] = weights[wheels]
-    seen = np.array([one.gain_along for one in sensors])
+    seen = np.array([one.effective_gain for one in sensors])
     C, D = seen[:, None] * C, seen[:, None, None] * D
     positions = np.array([wheel.position for wheel in vehicle.wheels])
     exact = StateSpace(freedoms, A, B, C, D, disturbance, positions, np.zeros(0))
-    behind = _low_passed(_with_residuals(exact, sensors, loudness), sensors)
+    behind = _low_passed(_with_residuals(exact, sensors, signal_rms), sensors)
     return _with_offsets(_with_flicker(behind, sensors))
 
 
@@ -148,7 +148,7 @@ def state_response(
     return np.asarray(np.linalg.solve(left, push[..., None])[..., 0], np.complex128), paths
 
 
-def generator(system: StateSpace) -> Array:
+def generator_matrix(system: StateSpace) -> Array:
     """The matrix G with d/dt [x; a] = G [x; a], a_j the j-th time derivative of the wheels' paths, j = 0..3.
 
     Between two samples each path is a cubic (as the profile's spline is between knots), so that exp(G t)
@@ -191,7 +191,7 @@ def step_table(system: StateSpace, longest: float) -> StepTable:
     the first term left out is (1/4)¹³/13! = 2e-18 of the whole.
     """
     n = len(system.A)
-    G = generator(system)
+    G = generator_matrix(system)
     fastest = np.max(np.abs(np.linalg.eigvals(system.A)))
     nodes = int(np.ceil(longest * fastest / 0.5)) + 1
     spacing = longest / max(nodes - 1, 1)
@@ -251,7 +251,7 @@ def _supported(
             on_wheels = np.zeros((len(free), len(wheels)))
             on_wheels[wheels, range(len(wheels))] = 1.0
             positions = np.array([wheel.position for wheel in vehicle.wheels])
-            push = np.einsum("fw,kwv->fkv", on_wheels, under_wheels(track, positions))
+            push = np.einsum("fw,kwv->fkv", on_wheels, wheel_matrices(track, positions))
             K = full.stiffness + push[:, 0] @ on_wheels.T
             C = full.damping + push[:, 1] @ on_wheels.T
             M = M + push[:, 2] @ on_wheels.T
@@ -267,7 +267,7 @@ def _sensor_row(vehicle: Vehicle, full: Assembly, sensor: Sensor) -> Array:
             f"it has {', '.join(parts)}"
         )
     freedoms = full.degrees_of_freedom
-    if sensor.quantity == ROLL_RATE and not isinstance(vehicle, RollingVehicle):
+    if sensor.quantity == ROLL_RATE and not isinstance(vehicle, RollVehicle):
         raise ModelError(
             f"sensor {sensor.name!r} measures roll, which heave and pitch know nothing of; leave it out here"
         )
@@ -306,10 +306,10 @@ def _low_passed(system: StateSpace, sensors: Sequence[Sensor]) -> StateSpace:
 
 
 def _with_residuals(
-    system: StateSpace, sensors: Sequence[Sensor], loudness: Sequence[float]
+    system: StateSpace, sensors: Sequence[Sensor], signal_rms: Sequence[float]
 ) -> StateSpace:
     """Each residual in what its sensor reads: ė_1 = -2ζω e_1 - ω e_2 + noise, ė_2 = ω e_1, y += e_1."""
-    left = [(i, one.residual) for i, one in enumerate(sensors) if one.residual and len(loudness)]
+    left = [(i, one.residual) for i, one in enumerate(sensors) if one.residual and len(signal_rms)]
     n, kinds, added = len(system.A), system.disturbance.shape[1], FILTER_STATES * len(left)
     A, C = np.pad(system.A, ((0, added), (0, added))), np.pad(system.C, ((0, 0), (0, added)))
     disturbance = np.pad(system.disturbance, ((0, added), (0, len(left))))
@@ -318,7 +318,7 @@ def _with_residuals(
         A[first, first] = -2 * residual.damping * rate
         A[first, first + 1], A[first + 1, first] = -rate, rate
         C[sensor, first] = 1.0
-        deviation = residual.share * loudness[sensor]
+        deviation = residual.share * signal_rms[sensor]
         disturbance[first, kinds + place] = deviation * np.sqrt(4 * residual.damping * rate)
     B = np.pad(system.B, ((0, added), (0, 0), (0, 0)))
     return replace(system, A=A, B=B, C=C, disturbance=disturbance)
@@ -326,7 +326,7 @@ def _with_residuals(
 
 def _with_flicker(system: StateSpace, sensors: Sequence[Sensor]) -> StateSpace:
     """Each sensor's 1/f noise in what it reads: ṗ = -ω p + noise, y += p, one p to a decade of frequency."""
-    parts = [processes(sensor) for sensor in sensors]
+    parts = [flicker_processes(sensor) for sensor in sensors]
     of_sensor = np.repeat(np.arange(len(sensors)), [len(one.rate) for one in parts])
     n, added = len(system.A), len(of_sensor)
     A, C = np.pad(system.A, ((0, added), (0, added))), np.pad(system.C, ((0, 0), (0, added)))

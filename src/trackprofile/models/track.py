@@ -65,12 +65,12 @@ class ElasticTrack:
             )
 
 
-def under_wheels(track: ElasticTrack, positions: Array) -> Array:
+def wheel_matrices(track: ElasticTrack, positions: Array) -> Array:
     """[K_t, C_t, M_t] of the wheels at ``positions`` m, (3, wheels, wheels), in N/m, N s/m and kg.
 
     Examples
     --------
-    >>> under_wheels(ElasticTrack(8e7, 3e4), np.array([0.0, 2.5]))[0]
+    >>> wheel_matrices(ElasticTrack(8e7, 3e4), np.array([0.0, 2.5]))[0]
     array([[80000000.,        0.],
            [       0., 80000000.]])
     """
@@ -125,7 +125,7 @@ SUPPORT_FIELDS = (
 
 
 @dataclass(frozen=True)
-class Change:
+class SupportChange:
     """One number of the supports, multiplied from ``start`` to ``end``, m: a soft spot, a hanging sleeper."""
 
     field: str
@@ -164,9 +164,9 @@ class LayeredTrack:
     Examples
     --------
     >>> support = Support(65e6, 75e3, 125.5, 137.75e6, 58.8e3, 531.4, 77.5e6)
-    >>> soft = Change("ballast_stiffness", 0.5, 100.0, 103.0)
+    >>> soft = SupportChange("ballast_stiffness", 0.5, 100.0, 103.0)
     >>> track = LayeredTrack("soft spot", 6.62e6, 60.64, 0.545, support, (soft,))
-    >>> supports(track, 182, 3)[:, 3] / 1e6  # at 99.2, 99.7 and 100.3 m
+    >>> support_table(track, 182, 3)[:, 3] / 1e6  # at 99.2, 99.7 and 100.3 m
     array([137.75 , 137.75 ,  68.875])
     """
 
@@ -175,7 +175,7 @@ class LayeredTrack:
     rail_mass: float
     spacing: float
     support: Support
-    changes: tuple[Change, ...] = ()
+    changes: tuple[SupportChange, ...] = ()
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -193,7 +193,7 @@ PointTrack = RigidTrack | ElasticTrack
 Track = PointTrack | LayeredTrack
 
 
-def supports(track: LayeredTrack, first: int, count: int) -> Array:
+def support_table(track: LayeredTrack, first: int, count: int) -> Array:
     """The supports of ``count`` sleepers from number ``first`` on, (count, 8), in the order of SUPPORT_FIELDS."""
     table = np.tile([getattr(track.support, name) for name in SUPPORT_FIELDS], (count, 1))
     place = track.spacing * np.arange(first, first + count)

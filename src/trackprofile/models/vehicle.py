@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 HEAVE = "heave"
 PITCH = "pitch"
 
-OF_ROLL = frozenset({"roll_inertia", "semi_spacing", "roll_stiffness"})
+ROLL_FIELDS = frozenset({"roll_inertia", "semi_spacing", "roll_stiffness"})
 """Fields of parts that heave and pitch do not feel."""
 
 
@@ -220,14 +220,14 @@ def with_parameters(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     )
 
 
-def turned_round(vehicle: Vehicle) -> Vehicle:
+def reversed_vehicle(vehicle: Vehicle) -> Vehicle:
     """The same vehicle with its last wheel leading: positions count from there.
 
     Examples
     --------
     >>> wheels = Wheel("front", 1e3, 0.0), Wheel("rear", 1e3, 9.0)
     >>> car = Vehicle("car", (Body("body", 1e4, position=2.0),), (), wheels)
-    >>> [(one.name, one.position) for one in turned_round(car).wheels], turned_round(car).bodies[0].position
+    >>> [(one.name, one.position) for one in reversed_vehicle(car).wheels], reversed_vehicle(car).bodies[0].position
     ([('rear', 0.0), ('front', 9.0)], 7.0)
     """
 

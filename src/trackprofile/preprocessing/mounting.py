@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel
-from trackprofile.models.sensor import OFFSET, VERTICAL_ACCELERATION
+from trackprofile.models.sensor import DEFAULT_OFFSET, VERTICAL_ACCELERATION
 from trackprofile.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def correct_mounting(channel: Channel, valid: NDArray[np.bool_]) -> MountingCorr
     """
     values = np.asarray(channel.values, np.float64)
     mean = float(np.median(values[valid]))
-    if abs(mean) <= TOO_FAR * OFFSET[channel.quantity]:
+    if abs(mean) <= TOO_FAR * DEFAULT_OFFSET[channel.quantity]:
         return MountingCorrection(values)
     share = abs(mean) / STANDARD_GRAVITY
     if channel.quantity != VERTICAL_ACCELERATION or share < GRAVITY:
@@ -66,5 +66,5 @@ def correct_mounting(channel: Channel, valid: NDArray[np.bool_]) -> MountingCorr
         return MountingCorrection(put_right, f"{said}{turned}taken off", by_gravity=True)
     angle = np.degrees(np.arccos(share))
     said += f"{turned}taken off, and corrected for {angle:.0f}° between the sensor and the vertical"
-    doubt = OFFSET[channel.quantity] / (share * STANDARD_GRAVITY)
+    doubt = DEFAULT_OFFSET[channel.quantity] / (share * STANDARD_GRAVITY)
     return MountingCorrection(np.sign(mean) * (values - mean) / share, said, doubt, by_gravity=True)

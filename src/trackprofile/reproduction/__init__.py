@@ -38,7 +38,7 @@ def reproduce(folder: str | Path, progress: Progress | None = None) -> tuple[Pat
     """
     folder = Path(folder)
     _check(folder)
-    sections = computed(progress or (lambda stage, share: None))
+    sections = compute_sections(progress or (lambda stage, share: None))
     texts = {PAGE: page.html(TITLE, INTRODUCTION, sections)}
     for section in sections:
         texts |= page.files(section)
@@ -50,7 +50,7 @@ def reproduce(folder: str | Path, progress: Progress | None = None) -> tuple[Pat
     return paths
 
 
-def computed(progress: Progress) -> tuple[PageSection, ...]:
+def compute_sections(progress: Progress) -> tuple[PageSection, ...]:
     """All sections, in the order of the page."""
     found: dict[str, tuple[PageSection, ...]] = {}
     taken: dict[str, tuple[str, float, float]] = {}
@@ -75,7 +75,7 @@ def computed(progress: Progress) -> tuple[PageSection, ...]:
         ("figure 14", lambda: (searches.random_profiles(),)),
         ("figures 15 and 16", noise.sensors),
         ("figure 17", noisy),
-        ("figure 18", lambda: (noise.settled(),)),
+        ("figure 18", lambda: (noise.settlement_study(),)),
         ("left open", lambda: (open_settings.left_open(),)),
     )
     for number, (name, part) in enumerate(parts):
@@ -83,7 +83,7 @@ def computed(progress: Progress) -> tuple[PageSection, ...]:
         found[name] = part()
     progress("reproducing", 1.0)
     sections = [section for some in found.values() for section in some]
-    return (*sections, tables.rates(taken))
+    return (*sections, tables.speed_section(taken))
 
 
 def _check(folder: Path) -> None:

@@ -20,15 +20,15 @@ from trackprofile.io.model_toml import (
     read_track,
     read_vehicle,
 )
-from trackprofile.methods.cross_entropy.forward_model import Trial, trial
+from trackprofile.methods.cross_entropy.forward_model import ForwardModel, forward_model
 from trackprofile.models.integrate import newmark, wilson
-from trackprofile.models.irregularity import Bell, Irregularity, Sum, random
+from trackprofile.models.irregularity import Bell, Irregularity, Sum, random_irregularity
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.sensor_errors import Instrument, measure
 from trackprofile.models.track import Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.simulation.drive import steady
-from trackprofile.simulation.simulate import RunSettings, felt, simulate
+from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
+from trackprofile.simulation.speed_schedule import constant_speed
 
 Array = NDArray[np.float64]
 
@@ -122,29 +122,29 @@ def with_lead(case: Case) -> Case:
     return replace(case, start=case.start - LEAD, length=case.length + 2 * LEAD)
 
 
-def ridden(case: Case) -> Array:
+def search_grid_signals(case: Case) -> Array:
     """What the sensors feel on the search's own grid, (scans + 1, sensors)."""
-    car = model(case)
+    car = case_model(case)
     r = case.irregularity.at(car.place)[0]
     r[: car.before] = 0.0
     return np.vstack([np.zeros(len(case.sensors)), car.signals(r, 0, case.scans)])
 
 
-def model(case: Case) -> Trial:
+def case_model(case: Case) -> ForwardModel:
     """The search's model of the case, at its start."""
     scheme, speed = wilson(case.step), np.full(case.scans + 1, case.speed)
-    return trial(case.vehicle, case.track, case.sensors, scheme, case.position, speed)
+    return forward_model(case.vehicle, case.track, case.sensors, scheme, case.position, speed)
 
 
-def finely_ridden(case: Case) -> Array:
+def fine_signals(case: Case) -> Array:
     """The same at an eighth of the step, by the forward model of `trackprofile simulate`."""
-    run = RunSettings(case.start, float(case.position[-1]), steady(case.speed), run_in=1.0)
+    run = RunSettings(case.start, float(case.position[-1]), constant_speed(case.speed), run_in=1.0)
     done = simulate(case.vehicle, case.track, case.irregularity, run, newmark(case.step / FINER))
-    signals = [felt(done, case.vehicle, sensor) for sensor in case.sensors]
+    signals = [sensor_signal(done, case.vehicle, sensor) for sensor in case.sensors]
     return np.stack(signals, axis=1)[::FINER][: case.scans + 1]
 
 
-def recorded(
+def case_recording(
     case: Case, signals: Array, instruments: Sequence[Instrument] = (), seed: int = 0
 ) -> xr.Dataset:
     """The recording contract: as they are, or as the instruments read them.
@@ -186,7 +186,7 @@ def instruments(accelerometer: str) -> tuple[Instrument, Instrument]:
 
 
 def _random(grade: str) -> Irregularity:
-    return random(
+    return random_irregularity(
         read_spectrum(grade), int(grade[-1]), SHORTEST, LONGEST, LENGTH, start=0.0, taper=TAPER
     )
 

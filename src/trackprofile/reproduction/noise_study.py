@@ -10,25 +10,25 @@ from scipy.signal import welch
 
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.methods.cross_entropy.search import TABLE_6, Variant
-from trackprofile.models.irregularity import Bell, random
-from trackprofile.models.sensor_errors import Instrument, noise, noise_density
+from trackprofile.models.irregularity import Bell, random_irregularity
+from trackprofile.models.sensor_errors import Instrument, instrument_noise, instrument_noise_density
 from trackprofile.reproduction.cases import (
     CLASSES,
     LONGEST,
     SHORTEST,
     instruments,
     model_b,
-    ridden,
+    search_grid_signals,
     settlement,
 )
 from trackprofile.reproduction.parts import Cell, FigurePanel, PageSection, Table
 from trackprofile.reproduction.studies import (
-    Searched,
-    finely_led,
-    in_bands,
-    limits,
-    search,
-    smoothed,
+    SearchStudy,
+    accuracy_bounds,
+    band_rms,
+    fine_signals_with_lead,
+    run_search,
+    run_smoother,
 )
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def profiles() -> PageSection:
     rows: list[tuple[Cell, ...]] = []
     for grade in CLASSES:
         spectrum = read_spectrum(grade)
-        made = random(spectrum, int(grade[-1]), SHORTEST, LONGEST, length=place[-1])
+        made = random_irregularity(spectrum, int(grade[-1]), SHORTEST, LONGEST, length=place[-1])
         r = made.at(place)[0]
         levels[grade] = place[:800], 1e3 * r[:800]
         f, density = welch(r, fs=1 / 0.25, nperseg=1024)
@@ -89,12 +89,14 @@ def _densities(
     interval, lines, rows = 2e-3, {}, []
     for name, one in shown.items():
         f, density = welch(
-            noise(one, 60_000, interval, np.random.default_rng(1)), fs=1 / interval, nperseg=4096
+            instrument_noise(one, 60_000, interval, np.random.default_rng(1)),
+            fs=1 / interval,
+            nperseg=4096,
         )
         f, density = f[2:-2], density[2:-2]
         exact = replace(one, resolution=0.0)
         lines[name] = f, np.sqrt(density)
-        lines[f"{name}, model"] = f, np.sqrt(noise_density(exact, f, interval))
+        lines[f"{name}, model"] = f, np.sqrt(instrument_noise_density(exact, f, interval))
         white = one.sensor.noise_density or 0.0
         rows.append((name, unit, white, float(np.sqrt(np.mean(density[f > 50]))), one.source))
     heads = ("sensor", "unit", "white noise", "made, above 50 Hz", "source")
@@ -108,25 +110,25 @@ def noisy_profiles() -> tuple[PageSection, dict[str, float]]:
     panels, rates = [], {}
     for grade in CLASSES:
         case, lines = model_b(grade), {}
-        own, fine = ridden(case), finely_led(case)
-        truth = in_bands(case.position[1:], case.irregularity.at(case.position[1:])[0])
+        own, fine = search_grid_signals(case), fine_signals_with_lead(case)
+        truth = band_rms(case.position[1:], case.irregularity.at(case.position[1:])[0])
         rows.append((grade, "–", "the profile itself", None, None, None, truth["D1"], truth["D2"]))
         for level in GRADES:
             fitted = () if level == "none" else instruments(level)
-            done = search(case, own, replace(TABLE_6, variant=Variant.LITERAL), fitted, seed=1)
+            done = run_search(case, own, replace(TABLE_6, variant=Variant.LITERAL), fitted, seed=1)
             rows.append((grade, level, "cross-entropy, literal", *_error_row(done)))
             lines[f"cross-entropy, noise {level}"] = done.place, 1e3 * np.abs(done.error)
             if level == "none":
-                full = search(case, own, TABLE_6)
+                full = run_search(case, own, TABLE_6)
                 rates = {"literal": done.rate, "covariance": full.rate}
                 rows.append((grade, level, "cross-entropy, covariance", *_error_row(full)))
                 continue
-            smoother = smoothed(case, fine, fitted, seed=1)
+            smoother = run_smoother(case, fine, fitted, seed=1)
             place, flat = smoother.place, smoother.error
-            bands = in_bands(place, flat)
+            bands = band_rms(place, flat)
             row = (_worst(place, flat, 50.0), _worst(place, flat), None, bands["D1"], bands["D2"])
             rows.append((grade, level, "smoother", *row))
-            least = limits(case, read_spectrum(grade), fitted)
+            least = accuracy_bounds(case, read_spectrum(grade), fitted)
             rows.append((grade, level, "limit", None, None, None, least["D1"], least["D2"]))
             lines[f"smoother, noise {level}"] = place, 1e3 * np.abs(flat)
         panels.append(FigurePanel("distance, m", f"size of the error on {grade}, mm", lines, "y"))
@@ -148,8 +150,8 @@ def noisy_profiles() -> tuple[PageSection, dict[str, float]]:
     return PageSection("figure-17", title, text, Table(heads, tuple(rows)), tuple(panels)), rates
 
 
-def _error_row(done: Searched) -> tuple[Cell, ...]:
-    bands = in_bands(done.place, done.error)
+def _error_row(done: SearchStudy) -> tuple[Cell, ...]:
+    bands = band_rms(done.place, done.error)
     end = float(done.place[-1]) if done.found.stopped else None
     early, late = _worst(done.place, done.error, 50.0), _worst(done.place, done.error)
     return early, late, end, bands["D1"], bands["D2"]
@@ -160,10 +162,10 @@ def _worst(place: Array, error: Array, until: float = np.inf) -> float:
     return 1e3 * float(np.abs(error[place <= until]).max())
 
 
-def settled() -> PageSection:
+def settlement_study() -> PageSection:
     """Figure 18: the settlement of 40 mm, its depth and place, over realisations of the noise."""
     case = settlement()
-    fitted, fine, own = instruments("C"), finely_led(case), ridden(case)
+    fitted, fine, own = instruments("C"), fine_signals_with_lead(case), search_grid_signals(case)
     found: dict[str, list[tuple[float, float]]] = {"cross-entropy, literal": [], "smoother": []}
     lines: dict[str, tuple[Array, Array]] = {}
     place = case.position[1:]
@@ -172,8 +174,8 @@ def settled() -> PageSection:
     spread = 0.0
     for seed in range(REALISATIONS):
         literal = replace(TABLE_6, variant=Variant.LITERAL)
-        done = search(case, own, literal, fitted, seed)
-        smoother = smoothed(case, fine, fitted, seed)
+        done = run_search(case, own, literal, fitted, seed)
+        smoother = run_smoother(case, fine, fitted, seed)
         estimate, at = smoother.found, smoother.place
         curves = {
             "cross-entropy, literal": (done.place, done.error),
@@ -181,13 +183,13 @@ def settled() -> PageSection:
         }
         for name, (x, wrong) in curves.items():
             level = case.irregularity.at(x)[0] + wrong
-            found[name].append(dip(x, level))
+            found[name].append(fit_bell(x, level))
             if seed == 0:
                 lines[name] = x, 1e3 * level
         if seed == 0:
             deviation = estimate.profile["standard_deviation_D2"].to_numpy()
             spread = 1e3 * float(np.interp(100.0, estimate.profile["distance"], deviation))
-    depth, centre = dip(place, truth)
+    depth, centre = fit_bell(place, truth)
     rows: list[tuple[Cell, ...]] = [("truth, settlement and class 4 together", depth, None, centre, None)]  # fmt: skip
     for name, values in found.items():
         (depth, centre), (deep, wide) = np.mean(values, axis=0), np.std(values, axis=0, ddof=1)
@@ -206,7 +208,7 @@ def settled() -> PageSection:
     return PageSection("figure-18", title, text, Table(heads, tuple(rows)), (panel,))
 
 
-def dip(place: Array, elevation: Array, width: float = 10.0) -> tuple[float, float]:
+def fit_bell(place: Array, elevation: Array, width: float = 10.0) -> tuple[float, float]:
     """Depth (mm) and place (m) of the inverted bell that, on a parabola, fits best from 60 m to 140 m."""
     inside = (place >= 60.0) & (place <= 140.0)
     x, r = place[inside], elevation[inside]

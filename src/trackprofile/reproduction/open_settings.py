@@ -8,10 +8,10 @@ import numpy as np
 
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Variant
 from trackprofile.models.integrate import newmark, wilson
-from trackprofile.reproduction.cases import bell, model_b, ridden
+from trackprofile.reproduction.cases import bell, model_b, search_grid_signals
 from trackprofile.reproduction.paper_tables import median_generations
 from trackprofile.reproduction.parts import Cell, PageSection, Table
-from trackprofile.reproduction.studies import growth, search, shorter
+from trackprofile.reproduction.studies import error_growth, run_search, shortened
 
 UNSTABLE = 60.0
 """m over which the growth of an error is looked at."""
@@ -35,25 +35,25 @@ def left_open() -> PageSection:
 
 
 def _growths() -> tuple[tuple[Cell, ...], ...]:
-    case = shorter(model_b("fra-6"), UNSTABLE)
-    first = growth(case, wilson(case.step), 10)
+    case = shortened(model_b("fra-6"), UNSTABLE)
+    first = error_growth(case, wilson(case.step), 10)
     acceleration, rate = case.sensors
     moved = replace(case, sensors=(replace(acceleration, position=1.25), rate))
     what = "growth of an error in 10 m"
     return (
         ("integrator", "Wilson θ = 1.420815, as printed", "Newmark, average acceleration", what, first,
-         growth(case, newmark(case.step), 10)),
-        ("weights", "1/RMS, as printed", "1/RMS³", what, first, growth(case, wilson(case.step), 10, 3.0)),
+         error_growth(case, newmark(case.step), 10)),
+        ("weights", "1/RMS, as printed", "1/RMS³", what, first, error_growth(case, wilson(case.step), 10, 3.0)),
         ("window", "10 elevations, as printed", "40 elevations", what, first,
-         growth(case, wilson(case.step), 40)),
+         error_growth(case, wilson(case.step), 40)),
         ("accelerometer", "at the bogie's centre, as printed", "above the leading axle", what, first,
-         growth(moved, wilson(case.step), 10)),
+         error_growth(moved, wilson(case.step), 10)),
     )  # fmt: skip
 
 
 def _thresholds() -> tuple[tuple[Cell, ...], ...]:
     what = "generations of a phase's first run, median"
-    on_a, on_b = bell(), shorter(model_b("fra-4"), UNSTABLE)
+    on_a, on_b = bell(), shortened(model_b("fra-4"), UNSTABLE)
     signal = replace(TABLE_6, objective=Objective.SIGNAL)
     rows: list[tuple[Cell, ...]] = []
     for name, case, settings, paper in (
@@ -61,10 +61,11 @@ def _thresholds() -> tuple[tuple[Cell, ...], ...]:
         ("O on Model B", on_b, signal, 31),
         ("O_t on Model B", on_b, TABLE_6, 13),
     ):
-        literal, signals = replace(settings, variant=Variant.LITERAL), ridden(case)
+        literal, signals = replace(settings, variant=Variant.LITERAL), search_grid_signals(case)
         in_metres = replace(literal, threshold=1e6 * settings.threshold)
         ours, other = (
-            median_generations(search(case, signals, one).found, 0) for one in (literal, in_metres)
+            median_generations(run_search(case, signals, one).found, 0)
+            for one in (literal, in_metres)
         )
         measured = f"{what} (paper: {paper})"
         rows.append((f"unit of the threshold, {name}", "mm²", "m²", measured, ours, other))
@@ -73,10 +74,10 @@ def _thresholds() -> tuple[tuple[Cell, ...], ...]:
 
 def _smoothing() -> tuple[tuple[Cell, ...], ...]:
     case, what = bell(), f"worst error on the bell of {SEEDS} seeds, mm"
-    signals, worst = ridden(case), {}
+    signals, worst = search_grid_signals(case), {}
     for share in (0.6, 0.4):
         settings = replace(TABLE_5, smoothing=share)
-        errors = [search(case, signals, settings, seed=seed).error for seed in range(SEEDS)]
+        errors = [run_search(case, signals, settings, seed=seed).error for seed in range(SEEDS)]
         worst[share] = 1e3 * float(np.abs(errors).max())
     return (
         ("covariance kept from generation to generation", "0.6", "0.4", what, worst[0.6], worst[0.4]),

@@ -9,9 +9,9 @@ from trackprofile.methods.cross_entropy.estimator import CrossEntropyResult
 from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Search
 from trackprofile.models.track import LayeredTrack
 from trackprofile.models.vehicle import parameter_values
-from trackprofile.reproduction.parts import PageSection, Table, beside
+from trackprofile.reproduction.parts import PageSection, Table, comparison_table
 
-PAPERS_RATE = {"Model A": 45.0, "Model B": 100.0}
+PAPER_RATE = {"Model A": 45.0, "Model B": 100.0}
 """s per metre: "approximately 45 s/m", "over 100 s/m"."""
 
 
@@ -31,7 +31,7 @@ def _table_1() -> PageSection:
         "primary stiffness": ("k_2, N/m", 5e5),
     }
     rows = [(name, unit, paper, ours[name]) for name, (unit, paper) in printed.items()]
-    return PageSection("table-1", "Table 1: Model A, the quarter car", (), beside(rows))
+    return PageSection("table-1", "Table 1: Model A, the quarter car", (), comparison_table(rows))
 
 
 def _table_2() -> PageSection:
@@ -55,7 +55,7 @@ def _table_2() -> PageSection:
         ("distance between bogies", "L_v, m", 17.375, trailing.position - leading.position),
         ("distance between axles", "L_b, m", 2.5, second.position - first.position),
     ]
-    return PageSection("table-2", "Table 2: Model B, the whole car", (), beside(rows))
+    return PageSection("table-2", "Table 2: Model B, the whole car", (), comparison_table(rows))
 
 
 def _table_3() -> PageSection:
@@ -75,7 +75,7 @@ def _table_3() -> PageSection:
         ("sub-ballast's stiffness", "k_sb, N/m", 77.5e6, support.subballast_stiffness),
     ]  # fmt: skip
     text = ("The paper gives the sub-ballast no damping, and so it has none here.",)
-    return PageSection("table-3", "Table 3: the track", text, beside(rows))
+    return PageSection("table-3", "Table 3: the track", text, comparison_table(rows))
 
 
 def _table_4() -> PageSection:
@@ -91,7 +91,7 @@ def _table_4() -> PageSection:
         "The paper prints rad/s for Ω_r and Ω_c, and no unit for A_v; they are rad/m and m² rad/m. S(Ω) is taken as "
         "one-sided in Ω, so that its integral over Ω above 0 is the variance.",
     )
-    return PageSection("table-4", "Table 4: FRA classes", text, beside(rows))
+    return PageSection("table-4", "Table 4: FRA classes", text, comparison_table(rows))
 
 
 def _tables_5_and_6() -> tuple[PageSection, PageSection]:
@@ -103,7 +103,7 @@ def _tables_5_and_6() -> tuple[PageSection, PageSection]:
     for (number, paper), ours in zip(printed.items(), (TABLE_5, TABLE_6), strict=True):
         rows = [row for row in zip(*_rows(ours), paper, _values(ours), strict=True) if row[2] != 0]
         title = f"Table {number}: the search on Model {'A' if number == 5 else 'B'}"
-        sections.append(PageSection(f"table-{number}", title, text, beside(rows)))
+        sections.append(PageSection(f"table-{number}", title, text, comparison_table(rows)))
     return sections[0], sections[1]
 
 
@@ -122,10 +122,10 @@ def _values(search: Search) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-def rates(taken: dict[str, tuple[str, float, float]]) -> PageSection:
+def speed_section(taken: dict[str, tuple[str, float, float]]) -> PageSection:
     """Seconds per metre; ``taken`` has the paper's model, ours and the train's (s/m) by what was searched."""
     rows = [
-        (what, PAPERS_RATE[model], ours, ours / PAPERS_RATE[model], train / ours)
+        (what, PAPER_RATE[model], ours, ours / PAPER_RATE[model], train / ours)
         for what, (model, ours, train) in taken.items()
     ]
     heads = ("what", "paper, s/m", "ours, s/m", "ratio", "times as fast as the train")

@@ -60,7 +60,7 @@ def ratio(ours: float, paper: float) -> float:
     return ours / paper
 
 
-def beside(rows: Sequence[tuple[str, str, float, float]]) -> Table:
+def comparison_table(rows: Sequence[tuple[str, str, float, float]]) -> Table:
     """Rows of (what, unit, the paper's, ours) with their ratio."""
     return Table(
         ("what", "unit", "paper", "ours", "ratio"),

@@ -14,21 +14,21 @@ from trackprofile.reproduction.cases import (
     CLASSES,
     Case,
     bell,
-    finely_ridden,
+    fine_signals,
     model_a,
     model_b,
-    ridden,
+    search_grid_signals,
 )
 from trackprofile.reproduction.paper_tables import median_generations
 from trackprofile.reproduction.parts import Cell, FigurePanel, PageSection, Table, ratio
 from trackprofile.reproduction.studies import (
-    Searched,
-    finely_led,
-    in_bands,
-    limits,
-    search,
-    shorter,
-    smoothed,
+    SearchStudy,
+    accuracy_bounds,
+    band_rms,
+    fine_signals_with_lead,
+    run_search,
+    run_smoother,
+    shortened,
 )
 
 Array = NDArray[np.float64]
@@ -42,8 +42,8 @@ PHASES_OVER = 60.0
 
 def convergence() -> tuple[PageSection, PageSection, PageSection]:
     """Figures 10 to 12."""
-    on_a = shorter(model_a("fra-4"), 0.5 * PHASES_OVER)
-    on_b = shorter(model_b("fra-4"), PHASES_OVER)
+    on_a = shortened(model_a("fra-4"), 0.5 * PHASES_OVER)
+    on_b = shortened(model_b("fra-4"), PHASES_OVER)
     ten = _both(on_a, replace(TABLE_5, population=100))
     eleven = _both(on_b, replace(TABLE_6, objective=Objective.SIGNAL))
     twelve = _both(on_b, TABLE_6)
@@ -68,9 +68,9 @@ def convergence() -> tuple[PageSection, PageSection, PageSection]:
 
 
 def _both(case: Case, settings: Search) -> dict[Variant, CrossEntropyResult]:
-    signals = ridden(case)
+    signals = search_grid_signals(case)
     return {
-        variant: search(case, signals, replace(settings, variant=variant)).found
+        variant: run_search(case, signals, replace(settings, variant=variant)).found
         for variant in Variant
     }
 
@@ -115,17 +115,17 @@ def _typical(found: CrossEntropyResult) -> Phase:
 def inverted_bell() -> tuple[PageSection, dict[str, float]]:
     """Figure 13, and the s per metre of the variants."""
     case = bell()
-    signals = ridden(case)
+    signals = search_grid_signals(case)
     literal, covariance = (
-        search(case, signals, replace(TABLE_5, variant=variant)) for variant in Variant
+        run_search(case, signals, replace(TABLE_5, variant=variant)) for variant in Variant
     )
     worst = [
-        1e3 * float(np.abs(search(case, signals, TABLE_5, seed=seed).error).max())
+        1e3 * float(np.abs(run_search(case, signals, TABLE_5, seed=seed).error).max())
         for seed in range(SEEDS)
     ]
-    fine = finely_ridden(case)
-    on_fine = search(case, fine, TABLE_5)
-    smoother = smoothed(case, finely_led(case))
+    fine = fine_signals(case)
+    on_fine = run_search(case, fine, TABLE_5)
+    smoother = run_smoother(case, fine_signals_with_lead(case))
     place, flat = smoother.place, smoother.error
     rows = (
         ("literal", *_against(1e3 * float(np.abs(literal.error).max()))),
@@ -174,15 +174,15 @@ def random_profiles() -> PageSection:
     errors: dict[str, tuple[Array, Array]] = {}
     for grade in CLASSES:
         case = model_a(grade)
-        signals = ridden(case)
+        signals = search_grid_signals(case)
         for variant in Variant:
-            done = search(case, signals, replace(TABLE_5, variant=variant))
+            done = run_search(case, signals, replace(TABLE_5, variant=variant))
             rows.append(_row(f"{grade}, {variant.value}", done.place, done.error))
             errors[f"{grade}, {variant.value}"] = _thinned(done)
-        smoother = smoothed(case, finely_led(case))
+        smoother = run_smoother(case, fine_signals_with_lead(case))
         rows.append(_row(f"{grade}, smoother, less a parabola", smoother.place, smoother.error))
         errors[f"{grade}, smoother"] = smoother.place, 1e3 * np.abs(smoother.error)
-        least = limits(case, read_spectrum(grade))
+        least = accuracy_bounds(case, read_spectrum(grade))
         rows.append((f"{grade}, limit at 1 µg/√Hz", None, None, least["D1"], least["D2"]))
     text = (
         "The paper shows curves and says “excellent”, and that the error drifts with the distance; it gives no "
@@ -195,11 +195,11 @@ def random_profiles() -> PageSection:
 
 
 def _row(what: str, place: Array, error: Array) -> tuple[Cell, ...]:
-    bands = in_bands(place, error)
+    bands = band_rms(place, error)
     return (
         what, 1e3 * float(np.abs(error).max()), 1e3 * float(error[-1]), bands["D1"], bands["D2"],
     )  # fmt: skip
 
 
-def _thinned(done: Searched, every: int = 4) -> tuple[Array, Array]:
+def _thinned(done: SearchStudy, every: int = 4) -> tuple[Array, Array]:
     return done.place[::every], 1e3 * np.abs(done.error[::every])

@@ -12,13 +12,23 @@ from numpy.typing import NDArray
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.inference.accuracy_bound import accuracy_bound
 from trackprofile.inference.infer import Estimate, estimate
-from trackprofile.methods.cross_entropy.estimator import CrossEntropyResult, cross_entropy, weights
-from trackprofile.methods.cross_entropy.forward_model import trial
+from trackprofile.methods.cross_entropy.estimator import (
+    CrossEntropyResult,
+    cross_entropy,
+    sensor_weights,
+)
+from trackprofile.methods.cross_entropy.forward_model import forward_model
 from trackprofile.methods.cross_entropy.search import Search
 from trackprofile.models.integrate import Scheme
 from trackprofile.models.sensor_errors import Instrument
 from trackprofile.models.spectrum import Spectrum
-from trackprofile.reproduction.cases import Case, finely_ridden, recorded, ridden, with_lead
+from trackprofile.reproduction.cases import (
+    Case,
+    case_recording,
+    fine_signals,
+    search_grid_signals,
+    with_lead,
+)
 
 Array = NDArray[np.float64]
 
@@ -27,7 +37,7 @@ GRID = 0.25
 
 
 @dataclass(frozen=True)
-class Searched:
+class SearchStudy:
     """A case searched by cross-entropy: elevation minus truth (m) at ``place`` (m), and s per metre."""
 
     found: CrossEntropyResult
@@ -45,30 +55,30 @@ class SmootherStudy:
     error: Array
 
 
-def search(
+def run_search(
     case: Case, signals: Array, settings: Search, instruments: Sequence[Instrument] = (), seed: int = 0
-) -> Searched:  # fmt: skip
+) -> SearchStudy:  # fmt: skip
     """Search a case that was ridden, as exact signals or as instruments read them; the seed is of both."""
-    recording = recorded(case, signals, instruments, seed)
+    recording = case_recording(case, signals, instruments, seed)
     began = time.perf_counter()
     found = cross_entropy(recording, case.vehicle, track=case.track, search=settings, seed=seed)
     taken = time.perf_counter() - began
     place = found.profile["distance"].to_numpy()
     truth = case.irregularity.at(place)[0]
     error = found.profile["elevation"].to_numpy() - truth
-    return Searched(found, place, error, taken / (place[-1] - place[0]))
+    return SearchStudy(found, place, error, taken / (place[-1] - place[0]))
 
 
-def finely_led(case: Case) -> Array:
+def fine_signals_with_lead(case: Case) -> Array:
     """Signals of the fine simulation for the smoother, with a lead."""
-    return finely_ridden(with_lead(case))
+    return fine_signals(with_lead(case))
 
 
-def smoothed(
+def run_smoother(
     case: Case, signals: Array, instruments: Sequence[Instrument] = (), seed: int = 0
 ) -> SmootherStudy:
     """The smoother on what the fine simulation gives (of `finely_led`) and the instruments make of it."""
-    recording = recorded(with_lead(case), signals, instruments, seed)
+    recording = case_recording(with_lead(case), signals, instruments, seed)
     found = estimate(
         recording, case.vehicle, installation=case.installation, track=case.track, draws=16
     )
@@ -78,7 +88,7 @@ def smoothed(
     return SmootherStudy(found, place[inside], without_parabola(place[inside], error[inside]))
 
 
-def in_bands(place: Array, error: Array) -> dict[str, float | None]:
+def band_rms(place: Array, error: Array) -> dict[str, float | None]:
     """Root mean square in D1 and D2, mm, where it lies a band's longest wave from both ends; None: nowhere."""
     at = np.arange(place[0], place[-1], GRID)
     values = np.interp(at, place, error)
@@ -98,14 +108,16 @@ def without_parabola(place: Array, error: Array) -> Array:
     return error - np.polynomial.Polynomial.fit(x, error, 2)(x)
 
 
-def limits(case: Case, prior: Spectrum, instruments: Sequence[Instrument] = ()) -> dict[str, float]:
+def accuracy_bounds(
+    case: Case, prior: Spectrum, instruments: Sequence[Instrument] = ()
+) -> dict[str, float]:
     """The least possible error in D1 and D2, mm, with what noise the sensors state."""
     sensors = tuple(one.sensor for one in instruments) or case.sensors
     found = accuracy_bound(case.vehicle, case.track, sensors, case.speed, prior, BANDS[:2])
     return {band: 1e3 * value for band, value in found.items()}
 
 
-def growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) -> float:
+def error_growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) -> float:
     """By what an error grows in 10 m, when each window is solved exactly and the state carried over.
 
     Of the model alone, no measurement: a disturbance of 1 µm in the first windows, and signals of level track. Its
@@ -115,9 +127,9 @@ def growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) -> flo
     ----------
     power : of the sensors' root mean squares in the weights, 1 as in equation 12
     """
-    signals = ridden(case)
-    weight = weights(signals[1:]) ** power
-    car = trial(
+    signals = search_grid_signals(case)
+    weight = sensor_weights(signals[1:]) ** power
+    car = forward_model(
         case.vehicle, case.track, case.sensors, scheme, case.position, np.full(case.scans + 1, case.speed)
     )  # fmt: skip
     elevation, generator = np.zeros(len(car.place)), np.random.default_rng(0)
@@ -142,6 +154,6 @@ def growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) -> flo
     return float((late / early) ** (10.0 / distance))
 
 
-def shorter(case: Case, length: float) -> Case:
+def shortened(case: Case, length: float) -> Case:
     """The same case over its first ``length`` m."""
     return replace(case, length=length)

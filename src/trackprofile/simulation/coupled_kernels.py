@@ -9,25 +9,25 @@ from __future__ import annotations
 import numpy as np
 
 from trackprofile.simulation.track_kernels import (
-    calmed,
+    advance_state,
+    combine_history,
     compiled,
-    forward,
-    history,
-    moved_on,
-    shapes,
+    damp_window_ends,
+    recover_displacements,
+    shape_functions,
+    shift_window,
     solve,
-    spread,
     track_load,
-    window_of,
+    track_window,
 )
 
-LARGEST = 1e9
+MAXIMUM_FORCE = 1e9
 """N that no wheel presses with: beyond it the simulation has diverged."""
 
-FARTHEST = 1.0
+MAXIMUM_DISPLACEMENT = 1.0
 """m, or rad, that no rail, sleeper or ballast moves."""
 
-CALMING = 100.0
+END_DECAY_RATE = 100.0
 """1/s, by which motion dies at the window's very ends: what the rail's stiffest modes do from step to step, average
 acceleration alone would keep."""
 
@@ -141,7 +141,7 @@ def _wheels_at(position, offsets, spacing, base, at, N, columns):  # pragma: no 
         place = (position - offsets[i]) / spacing
         bay = int(np.floor(place))
         at[i] = bay - base
-        shapes(place - bay, spacing, N[i])
+        shape_functions(place - bay, spacing, N[i])
         for j in range(4):
             columns[2 * at[i] + j, 1 + i] = N[i, 0, j]
 
@@ -201,7 +201,7 @@ def _contact(vehicle, wheel_mass, gravity, q, wheel_motion, out):  # pragma: no 
 
 
 @compiled
-def ride(
+def march_coupled(
     scheme, vehicle, wheel_mass, weighs, offsets, gravity, supports, absorbing, first_node, bending, inertia,
     spacing, equilibrium, irregularity, ends, irregularity_at_ends, state, q, place, every, bodies_out, wheels_out,
     force_out, deflection_out,
@@ -222,23 +222,23 @@ def ride(
     motion, by_force = np.empty((3, wheels)), np.empty((3, wheels, wheels))
     matrix, right = np.empty((bodies + wheels, bodies + wheels)), np.empty(bodies + wheels)
     hMq, hCq, load = np.empty(bodies), np.empty(bodies), np.empty(bodies + wheels)
-    kept = np.exp(-CALMING * step * absorbing / max(np.max(absorbing), 1e-300))
+    kept = np.exp(-END_DECAY_RATE * step * absorbing / max(np.max(absorbing), 1e-300))
     reached, wheel_motion = np.empty((nodes, 4)), np.empty((3, wheels))
-    window, (L, D, condensed) = window_of(
+    window, (L, D, condensed) = track_window(
         supports, base - first_node, absorbing, bending, inertia, a[0], b[0]
     )
     for k in range(len(equilibrium)):
         s, v, acceleration = equilibrium[k]
         wanted = int(np.floor(s / spacing)) - place[1]
         if wanted > base:
-            forward(state, wanted - base)
+            shift_window(state, wanted - base)
             base = wanted
-            window, (L, D, condensed) = window_of(
+            window, (L, D, condensed) = track_window(
                 supports, base - first_node, absorbing, bending, inertia, a[0], b[0]
             )
         _wheels_at(s, offsets, spacing, base, at, N, columns)
-        history(state, a, hM)
-        history(state, b, hC)
+        combine_history(state, a, hM)
+        combine_history(state, b, hC)
         track_load(window, inertia, hM, hC, condensed, columns, inner)
         solve(L, D, columns)
         _paths(
@@ -246,12 +246,14 @@ def ride(
         )
         _vehicle_load(a, b, q, (mass, weighs, C), gravity, wheels, hMq, hCq, load)
         _forces(a[0], b[0], vehicle, wheel_mass, gravity, load, motion, by_force, matrix, right)
-        spread(window, condensed, inner, columns, right[bodies:], reached)
-        moved_on(step, p, g, h, state, reached)
-        calmed(state, kept)
-        moved_on(step, p, g, h, q.reshape(3, bodies, 1), right[:bodies].copy().reshape(bodies, 1))
-        wild = not np.max(np.abs(right[bodies:])) < LARGEST
-        if wild or not np.max(np.abs(reached)) < FARTHEST:
+        recover_displacements(window, condensed, inner, columns, right[bodies:], reached)
+        advance_state(step, p, g, h, state, reached)
+        damp_window_ends(state, kept)
+        advance_state(
+            step, p, g, h, q.reshape(3, bodies, 1), right[:bodies].copy().reshape(bodies, 1)
+        )
+        wild = not np.max(np.abs(right[bodies:])) < MAXIMUM_FORCE
+        if wild or not np.max(np.abs(reached)) < MAXIMUM_DISPLACEMENT:
             return k
         if (k + 1) % every == 0:
             n = (k + 1) // every - 1

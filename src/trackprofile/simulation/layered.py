@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from trackprofile.errors import ModelError
 from trackprofile.models.integrate import Scheme
 from trackprofile.models.irregularity import Irregularity
-from trackprofile.models.track import LayeredTrack, beam_element, supports
+from trackprofile.models.track import LayeredTrack, beam_element, support_table
 from trackprofile.simulation import coupled_kernels
-from trackprofile.simulation.mechanics import GRAVITY, Mechanics
+from trackprofile.simulation.mechanics import GRAVITY, VehicleMatrices
 
 Array = NDArray[np.float64]
 
 MARGIN = 15.0
 """m of track before the first and behind the last wheel, as in the paper (10 to 15 m)."""
 
-CALM, ABSORBED = 2.0, 0.22
+UNDAMPED_LENGTH, END_DAMPING_RATIO = 2.0, 0.22
 """m about the wheels in which nothing is absorbed; critical damping's share at the window's ends."""
 
 
@@ -31,7 +31,7 @@ class LayeredRun:
     how many nodes lie behind the leading wheel.
     """
 
-    car: Mechanics
+    car: VehicleMatrices
     track: LayeredTrack
     margin: float
     state: Array
@@ -39,7 +39,7 @@ class LayeredRun:
     place: NDArray[np.int64]
 
     @staticmethod
-    def of(car: Mechanics, track: LayeredTrack, margin: float, position: float) -> LayeredRun:
+    def of(car: VehicleMatrices, track: LayeredTrack, margin: float, position: float) -> LayeredRun:
         """The window about a vehicle whose leading wheel stands at ``position`` m."""
         length = float(np.max(car.offsets))
         behind = int(np.ceil((length + margin) / track.spacing))
@@ -78,7 +78,7 @@ class LayeredRun:
         first = int(self.place[0])
         farthest = float(np.max(equilibrium[:, 0])) / self.track.spacing
         count = max(int(farthest) + 1 - int(self.place[1]) - first, 0) + nodes + 1
-        table = supports(self.track, first, count)
+        table = support_table(self.track, first, count)
         _check_support(self.track, table)
         bodies_out, wheels_out = (
             np.empty((3, records, self.car.bodies)),
@@ -88,7 +88,7 @@ class LayeredRun:
         bending, inertia = beam_element(self.track)
         absorbing = _absorbing(self.track, nodes, self.margin)
         b = self.car.bodies
-        diverged = coupled_kernels.ride(
+        diverged = coupled_kernels.march_coupled(
             (scheme.step, scheme.a, scheme.b, scheme.p, scheme.g, scheme.h),
             (self.car.mass[:b], self.car.C, self.car.K), self.car.mass[b:], self.car.weight[:b] / GRAVITY,
             self.car.offsets, GRAVITY, table, absorbing, first, bending, inertia, self.track.spacing, equilibrium,
@@ -112,6 +112,6 @@ def _absorbing(track: LayeredTrack, nodes: int, margin: float) -> Array:
     one = track.support
     critical = 2 * np.sqrt(one.subballast_stiffness * (one.ballast_mass + one.sleeper_mass))
     place = track.spacing * np.arange(nodes)
-    outer = max(margin - CALM, track.spacing)
+    outer = max(margin - UNDAMPED_LENGTH, track.spacing)
     depth = np.clip(1 - np.minimum(place, place[::-1]) / outer, 0.0, 1.0)
-    return np.asarray(ABSORBED * critical * depth**2, np.float64)
+    return np.asarray(END_DAMPING_RATIO * critical * depth**2, np.float64)

@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 GRAVITY = 9.81
 """m/s², as in the paper's simulations."""
 
-FEWEST_STEPS = 5
+MINIMUM_STEPS_PER_PERIOD = 5
 """Of a period of the stiffest mode: at 5, average acceleration has that mode 11 % slow."""
 
 
 @dataclass(frozen=True)
-class Mechanics:
+class VehicleMatrices:
     """M, C and K over the bodies' freedoms, then the wheels'.
 
     Parameters
@@ -48,7 +48,7 @@ class Mechanics:
         return len(self.freedoms)
 
 
-def mechanics(vehicle: Vehicle) -> Mechanics:
+def vehicle_matrices(vehicle: Vehicle) -> VehicleMatrices:
     """Assemble a vehicle for the simulation.
 
     Raises
@@ -70,10 +70,10 @@ def mechanics(vehicle: Vehicle) -> Mechanics:
     offsets = np.array([wheel.position for wheel in vehicle.wheels])
     freedoms = full.degrees_of_freedom[:bodies]
     weight = GRAVITY * mass * heaves
-    return Mechanics(freedoms, mass, full.damping, full.stiffness, weight, offsets)
+    return VehicleMatrices(freedoms, mass, full.damping, full.stiffness, weight, offsets)
 
 
-def check_step(car: Mechanics, track: Track, scheme: Scheme) -> None:
+def check_step(car: VehicleMatrices, track: Track, scheme: Scheme) -> None:
     """Refuse a step that does not follow the stiffest mode of the vehicle on its track.
 
     Both schemes are stable at any step; with fewer than ``FEWEST_STEPS`` to a period they return something else.
@@ -102,7 +102,7 @@ def check_step(car: Mechanics, track: Track, scheme: Scheme) -> None:
     root = np.sqrt(mass[free])
     fastest = np.sqrt(np.linalg.eigvalsh(K[np.ix_(free, free)] / np.outer(root, root))[-1])
     frequency = float(fastest / (2 * np.pi))
-    longest = 1.0 / (FEWEST_STEPS * frequency)
+    longest = 1.0 / (MINIMUM_STEPS_PER_PERIOD * frequency)
     if scheme.step > longest:
         raise ModelError(
             f"a step of {1e3 * scheme.step:g} ms is too coarse for the stiffest mode, at {frequency:.1f} Hz; take at "

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.models.integrate import Scheme, march
+from trackprofile.models.integrate import Scheme, integrate_steps
 from trackprofile.models.irregularity import Irregularity
-from trackprofile.models.track import ElasticTrack, RigidTrack, under_wheels
-from trackprofile.simulation.coupled_kernels import LARGEST
-from trackprofile.simulation.mechanics import GRAVITY, Mechanics
+from trackprofile.models.track import ElasticTrack, RigidTrack, wheel_matrices
+from trackprofile.simulation.coupled_kernels import MAXIMUM_FORCE
+from trackprofile.simulation.mechanics import GRAVITY, VehicleMatrices
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 class SimpleRun:
     """M, C and K over the free freedoms, the push of the paths, and the state (3, free) as it marches."""
 
-    car: Mechanics
+    car: VehicleMatrices
     track: RigidTrack | ElasticTrack
     M: Array
     C: Array
@@ -30,7 +30,7 @@ class SimpleRun:
     state: Array
 
     @staticmethod
-    def of(car: Mechanics, track: RigidTrack | ElasticTrack) -> SimpleRun:
+    def of(car: VehicleMatrices, track: RigidTrack | ElasticTrack) -> SimpleRun:
         """Free are the bodies, and on an elastic track the wheels: load = push·(r, ṙ, r̈) - weight."""
         b, every, M = car.bodies, len(car.mass), np.diag(car.mass)
         if isinstance(track, RigidTrack):
@@ -40,7 +40,7 @@ class SimpleRun:
         else:
             on_wheels = np.eye(every)[:, b:]
             free = slice(0, every)
-            push = on_wheels @ under_wheels(track, car.offsets)
+            push = on_wheels @ wheel_matrices(track, car.offsets)
             more = push @ on_wheels.T
             K, C, M = car.K + more[0], car.C + more[1], M + more[2]
         size = len(K)
@@ -77,8 +77,8 @@ class SimpleRun:
         )
         out = np.empty((3, len(load) + 1, len(self.K)))
         out[:, 0] = self.state
-        march(onto, load @ inverse.T, scheme.step, scheme.p, scheme.g, scheme.h, out)
-        wild = ~np.all(np.abs(out[0, 1:]) < LARGEST / np.max(self.K), axis=1)
+        integrate_steps(onto, load @ inverse.T, scheme.step, scheme.p, scheme.g, scheme.h, out)
+        wild = ~np.all(np.abs(out[0, 1:]) < MAXIMUM_FORCE / np.max(self.K), axis=1)
         diverged = int(np.argmax(wild)) if np.any(wild) else -1
         self.state = out[:, -1].copy()
         return *self._read(out[:, every::every], ends[every - 1 :: every], under_ends), diverged

@@ -14,10 +14,10 @@ from trackprofile.models.irregularity import Irregularity
 from trackprofile.models.sensor import PITCH_RATE, ROLL_RATE, Sensor
 from trackprofile.models.track import LayeredTrack, Track
 from trackprofile.models.vehicle import HEAVE, PITCH, Vehicle, displacement_row
-from trackprofile.simulation.drive import Drive, Followed
 from trackprofile.simulation.layered import MARGIN, LayeredRun
-from trackprofile.simulation.mechanics import check_step, mechanics
+from trackprofile.simulation.mechanics import check_step, vehicle_matrices
 from trackprofile.simulation.simple import SimpleRun
+from trackprofile.simulation.speed_schedule import RecordedMotion, SpeedSchedule
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class RunSettings:
     Parameters
     ----------
     start, end : of the leading wheel, m; what is recorded
-    drive : from ``run_in`` before ``start`` on
+    schedule : from ``run_in`` before ``start`` on
     run_in : m before the start, over the first half of which the irregularity sets in
     every : record one step in so many
     margin : m of a layered track that is modelled before the first and behind the last wheel
@@ -40,7 +40,7 @@ class RunSettings:
 
     start: float
     end: float
-    drive: Drive | Followed
+    schedule: SpeedSchedule | RecordedMotion
     run_in: float = 100.0
     every: int = 1
     margin: float = MARGIN
@@ -96,23 +96,23 @@ def simulate(
     --------
     >>> from trackprofile.models.integrate import newmark
     >>> from trackprofile.models.irregularity import Bell
-    >>> from trackprofile.simulation.drive import steady
+    >>> from trackprofile.simulation.speed_schedule import constant_speed
     >>> from trackprofile.io.model_toml import read_track, read_vehicle
     >>> car, _ = read_vehicle("quarter-car")
-    >>> run = Run(100.0, 120.0, steady(30.0))
+    >>> run = RunSettings(100.0, 120.0, constant_speed(30.0))
     >>> made = simulate(car, read_track("rigid"), Bell(0.002, 0.5, 110.0), run, newmark(1e-3))
     >>> made.contact_force.shape
     (667, 1)
     """
     _check_run(run)
-    car = mechanics(vehicle)
+    car = vehicle_matrices(vehicle)
     check_step(car, track, scheme)
     if isinstance(track, LayeredTrack):
         model = LayeredRun.of(car, track, run.margin, run.start - run.run_in)
     else:
         model = SimpleRun.of(car, track)
     first = run.start - run.run_in
-    steps = int(np.floor(run.drive.duration(run.end - first) / scheme.step * (1 + 1e-12)))
+    steps = int(np.floor(run.schedule.duration(run.end - first) / scheme.step * (1 + 1e-12)))
     steps -= steps % run.every
     profile = RampedIrregularity(irregularity, first, 0.5 * run.run_in)
     model.begin(profile, first)
@@ -153,7 +153,7 @@ class RampedIrregularity:
         )
 
 
-def felt(simulation: Simulation, vehicle: Vehicle, sensor: Sensor) -> Array:
+def sensor_signal(simulation: Simulation, vehicle: Vehicle, sensor: Sensor) -> Array:
     """What a sensor with that gain and tilt, otherwise exact, would read at that place, (n,), m/s² or rad/s.
 
     Both rails are alike here, so that nothing rolls, and it is the same left and right.
@@ -175,10 +175,10 @@ def felt(simulation: Simulation, vehicle: Vehicle, sensor: Sensor) -> Array:
     if sensor.quantity == PITCH_RATE:
         return sensor.gain * simulation.velocity[:, simulation.freedoms.index(wanted)]
     if sensor.body in [wheel.name for wheel in vehicle.wheels]:
-        return sensor.gain_along * simulation.acceleration[:, simulation.freedoms.index(wanted)]
+        return sensor.effective_gain * simulation.acceleration[:, simulation.freedoms.index(wanted)]
     place = vehicle.body(sensor.body).position - sensor.position
     row = displacement_row(vehicle, simulation.freedoms, sensor.body, place)
-    return np.asarray(sensor.gain_along * (simulation.acceleration @ row), np.float64)
+    return np.asarray(sensor.effective_gain * (simulation.acceleration @ row), np.float64)
 
 
 @dataclass(frozen=True)
@@ -197,9 +197,9 @@ def _chunk(
     first: float, begin: int, count: int,
 ) -> _Chunk:  # fmt: skip
     number = begin + np.arange(count)
-    equilibrium = run.drive.at(np.asarray((number + scheme.theta) * scheme.step, np.float64))
+    equilibrium = run.schedule.at(np.asarray((number + scheme.theta) * scheme.step, np.float64))
     time = np.asarray((number + 1) * scheme.step, np.float64)
-    ends = run.drive.at(time)
+    ends = run.schedule.at(time)
     equilibrium[:, 0] += first
     ends[:, 0] += first
     recorded = slice(run.every - 1, None, run.every)

@@ -17,7 +17,7 @@ compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
 @compiled
-def factorised(supports, bending, inertia, ax, bx):  # pragma: no cover
+def factorise(supports, bending, inertia, ax, bx):  # pragma: no cover
     """Factors of a_x M + b_x C + K: L (2 n, 3) below the diagonal, D (2 n,), and what condensation needs (n, 4)."""
     n = len(supports)
     band, condensed = np.zeros((2 * n, 4)), np.empty((n, 4))
@@ -69,7 +69,7 @@ def solve(L, D, columns):  # pragma: no cover
 
 
 @compiled
-def shapes(fraction, h, out):  # pragma: no cover
+def shape_functions(fraction, h, out):  # pragma: no cover
     """Hermite's N, N' and N'' (3, 4) at a fraction of a bay of length h."""
     x = fraction
     out[0, 0], out[0, 1] = 1 - 3 * x * x + 2 * x**3, h * (x - 2 * x * x + x**3)
@@ -81,7 +81,7 @@ def shapes(fraction, h, out):  # pragma: no cover
 
 
 @compiled
-def history(state, coefficients, out):  # pragma: no cover
+def combine_history(state, coefficients, out):  # pragma: no cover
     c0, c1, c2 = coefficients
     for k in range(out.shape[0]):
         for d in range(4):
@@ -110,7 +110,7 @@ def track_load(supports, inertia, hM, hC, condensed, right, inner):  # pragma: n
 
 
 @compiled
-def spread(supports, condensed, inner, right, forces, reached):  # pragma: no cover
+def recover_displacements(supports, condensed, inner, right, forces, reached):  # pragma: no cover
     """The window's displacements from the rail's columns and the contact forces."""
     for k in range(len(supports)):
         for d in range(2):
@@ -124,7 +124,7 @@ def spread(supports, condensed, inner, right, forces, reached):  # pragma: no co
 
 
 @compiled
-def moved_on(step, p, g, h, state, reached):  # pragma: no cover
+def advance_state(step, p, g, h, state, reached):  # pragma: no cover
     for k in range(reached.shape[0]):
         for d in range(reached.shape[1]):
             x, v, a = state[0, k, d], state[1, k, d], state[2, k, d]
@@ -135,7 +135,7 @@ def moved_on(step, p, g, h, state, reached):  # pragma: no cover
 
 
 @compiled
-def forward(state, bays):  # pragma: no cover
+def shift_window(state, bays):  # pragma: no cover
     """The window moves on; what comes in is at rest."""
     nodes = state.shape[1]
     for part in range(3):
@@ -145,7 +145,7 @@ def forward(state, bays):  # pragma: no cover
 
 
 @compiled
-def calmed(state, kept):  # pragma: no cover
+def damp_window_ends(state, kept):  # pragma: no cover
     """Take a share of the motion at the window's ends."""
     for k in range(len(kept)):
         if kept[k] < 1.0:
@@ -155,8 +155,8 @@ def calmed(state, kept):  # pragma: no cover
 
 
 @compiled
-def window_of(supports, first, absorbing, bending, inertia, ax, bx):  # pragma: no cover
+def track_window(supports, first, absorbing, bending, inertia, ax, bx):  # pragma: no cover
     """The supports from number ``first`` on, with the damping of the window's ends, and their factors."""
     window = supports[first : first + len(absorbing)].copy()
     window[:, GROUND_C] += absorbing
-    return window, factorised(window, bending, inertia, ax, bx)
+    return window, factorise(window, bending, inertia, ax, bx)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-SMALLEST_SHARE = 1e-6
+MINIMUM_EIGENVALUE_RATIO = 1e-6
 """Of the largest variance, below which a direction of pairwise covariances is taken for rounding or worse."""
 
-HAIR = 1e-36
+VARIANCE_FLOOR = 1e-36
 """m², far below the rounding of any elevation."""
 
 
 @numba.njit(cache=True, nogil=True)
-def random_walks(generator, count, mean, deviation):  # pragma: no cover
+def draw_random_walks(generator, count, mean, deviation):  # pragma: no cover
     """Profiles (count, m) of which each elevation has the one before it as its mean (paper, equation 9)."""
     x = np.empty((count, len(mean)))
     for i in range(count):
@@ -25,11 +25,11 @@ def random_walks(generator, count, mean, deviation):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
-def drawn(generator, count, mean, covariance):  # pragma: no cover
+def draw_normal(generator, count, mean, covariance):  # pragma: no cover
     """Profiles (count, m), normally distributed."""
     m = len(mean)
     # All but singular, or an elite of equals: a hair of each variance, and of a metre, keeps it positive.
-    root = np.linalg.cholesky(covariance + np.diag(1e-12 * np.diag(covariance) + HAIR))
+    root = np.linalg.cholesky(covariance + np.diag(1e-12 * np.diag(covariance) + VARIANCE_FLOOR))
     x, z = np.empty((count, m)), np.empty(m)
     for i in range(count):
         for j in range(m):
@@ -57,7 +57,7 @@ def misfits(gain, x, due, weight):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
-def least(values, size):  # pragma: no cover
+def smallest(values, size):  # pragma: no cover
     """Where the ``size`` least values stand, in their order: by insertion, for an elite is small."""
     found, count = np.empty(size, np.int64), 0
     for i in range(len(values)):
@@ -73,9 +73,9 @@ def least(values, size):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
-def elite_of_all(misfit, size):  # pragma: no cover
+def elite_by_total(misfit, size):  # pragma: no cover
     """The profiles of least O = ΣO_t, the same for each elevation (m, size) (paper, equation 10)."""
-    best = least(misfit.sum(axis=1), size)
+    best = smallest(misfit.sum(axis=1), size)
     elite = np.empty((misfit.shape[1], size), np.int64)
     for t in range(misfit.shape[1]):
         elite[t] = best
@@ -83,11 +83,11 @@ def elite_of_all(misfit, size):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
-def elite_of_each(misfit, size):  # pragma: no cover
+def elite_by_scan(misfit, size):  # pragma: no cover
     """For each elevation the profiles of least O_t at its scan (m, size) (paper, equation 11)."""
     elite = np.empty((misfit.shape[1], size), np.int64)
     for t in range(misfit.shape[1]):
-        elite[t] = least(misfit[:, t], size)
+        elite[t] = smallest(misfit[:, t], size)
     return elite
 
 
@@ -127,21 +127,23 @@ def elite_covariance(x, elite):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
-def positive(covariance):  # pragma: no cover
+def restore_positive_definite(covariance):  # pragma: no cover
     """The same variances, without negative ones in any direction: pairwise covariances need not be a covariance."""
     values, vectors = np.linalg.eigh(covariance)
-    mended = (vectors * np.maximum(values, SMALLEST_SHARE * values[-1])) @ vectors.T
+    mended = (vectors * np.maximum(values, MINIMUM_EIGENVALUE_RATIO * values[-1])) @ vectors.T
     scale = np.sqrt(np.diag(covariance) / np.diag(mended))
     return scale * mended * scale.reshape(-1, 1)
 
 
 @numba.njit(cache=True, nogil=True)
-def distribution(x, misfit, size, per_scan, full, smoothing, mean, covariance):  # pragma: no cover
+def update_distribution(
+    x, misfit, size, per_scan, full, smoothing, mean, covariance
+):  # pragma: no cover
     """Mean (m,) and covariance (m, m) from which the next generation is drawn; O of the best profile, Σ(Δmean)²."""
-    elite = elite_of_each(misfit, size) if per_scan else elite_of_all(misfit, size)
+    elite = elite_by_scan(misfit, size) if per_scan else elite_by_total(misfit, size)
     before, mean = mean, elite_mean(x, elite)
     best, moved = misfit.sum(axis=1).min(), np.square(mean - before).sum()
     if not full:
         return mean, elite_variances(x, elite), best, moved
     covariance = smoothing * covariance + (1 - smoothing) * elite_covariance(x, elite)
-    return mean, positive(covariance) if per_scan else covariance, best, moved
+    return mean, restore_positive_definite(covariance) if per_scan else covariance, best, moved

@@ -22,8 +22,8 @@ from trackprofile.inference.outliers import describe_observations
 from trackprofile.inference.problem import loading
 from trackprofile.inference.rail_decomposition import mean_observations
 from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
-from trackprofile.methods.cross_entropy.forward_model import Trial, trial
-from trackprofile.methods.cross_entropy.scans import Scans, scans_of
+from trackprofile.methods.cross_entropy.forward_model import ForwardModel, forward_model
+from trackprofile.methods.cross_entropy.scans import Scans, select_scans
 from trackprofile.methods.cross_entropy.search import (
     TABLE_5,
     TABLE_6,
@@ -45,7 +45,7 @@ Misfits = Callable[[Array], Array]
 
 INTERRUPTED = "interrupted"
 
-LEAST_REACTION = 0.01
+MINIMUM_REACTION = 0.01
 """Of a sensor's strongest reaction to an elevation, that within a window below which it says nothing of it."""
 
 
@@ -160,9 +160,11 @@ def cross_entropy(
     expect_as_described(recording, "the cross-entropy method")
     data = mean_observations(observations(recording, installation), vehicle, installation)
     search = search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
-    scans, notes = scans_of(data, installation, search)
+    scans, notes = select_scans(data, installation, search)
     notes = (*describe_observations(data), *notes)
-    model = trial(vehicle, track, data.sensors, wilson(scans.step), scans.position, scans.speed)
+    model = forward_model(
+        vehicle, track, data.sensors, wilson(scans.step), scans.position, scans.speed
+    )
     _check_reaction(model, search)
     march = _march(model, scans, search, evaluation, np.random.default_rng(seed), progress)
     found = CrossEntropyResult(
@@ -192,13 +194,13 @@ class _March:
 
 
 def _march(
-    model: Trial, scans: Scans, search: Search, evaluation: Evaluation,
+    model: ForwardModel, scans: Scans, search: Search, evaluation: Evaluation,
     generator: np.random.Generator, progress: Progress,
 ) -> _March:  # fmt: skip
     """Window by window; an interrupt, or elevations that no model bears, end it at the last whole one."""
     march = _March(np.zeros(len(model.place)), 0, [])
     mean = np.full(search.unknowns, search.mean)
-    weight, count = weights(scans.signals), len(scans.signals)
+    weight, count = sensor_weights(scans.signals), len(scans.signals)
     gain = None
     try:
         while march.decided < count:
@@ -211,7 +213,7 @@ def _march(
             )
             misfits = _misfits(model, march, gain, due, weight, evaluation)
             level = float(march.elevation[model.before + first - 1])
-            mean, runs, agreed = phase(
+            mean, runs, agreed = solve_phase(
                 misfits, mean[:size], level, search, generator, walk=first == 0
             )
             kept = size if first + size == count else max(search.unknowns // 2, 1)
@@ -230,7 +232,12 @@ def _march(
 
 
 def _misfits(
-    model: Trial, march: _March, gain: Array, due: Array, weight: Array, evaluation: Evaluation
+    model: ForwardModel,
+    march: _March,
+    gain: Array,
+    due: Array,
+    weight: Array,
+    evaluation: Evaluation,
 ) -> Misfits:
     """The window's objective function, by the map or by simulation."""
     if evaluation is Evaluation.MAP:
@@ -250,7 +257,7 @@ def _misfits(
     return simulated
 
 
-def weights(signals: Array) -> Array:
+def sensor_weights(signals: Array) -> Array:
     """W of each sensor, (sensors,): in inverse proportion to its root mean square, together 1 (equations 12, 13).
 
     Raises
@@ -260,7 +267,7 @@ def weights(signals: Array) -> Array:
 
     Examples
     --------
-    >>> weights(np.array([[3.0, 1.0], [-3.0, 1.0]]))
+    >>> sensor_weights(np.array([[3.0, 1.0], [-3.0, 1.0]]))
     array([0.25, 0.75])
     """
     level = np.sqrt(np.mean(np.square(signals), axis=0))
@@ -271,7 +278,7 @@ def weights(signals: Array) -> Array:
     return (1 / level) / np.sum(1 / level)
 
 
-def phase(
+def solve_phase(
     misfits: Misfits, mean: Array, level: float, search: Search, generator: np.random.Generator,
     walk: bool,
 ) -> tuple[Array, list[SearchRun], bool]:  # fmt: skip
@@ -325,30 +332,30 @@ def optimise(
     if walk:
         order = np.arange(1.0, len(mean) + 1)
         covariance = search.standard_deviation**2 * np.minimum.outer(order, order)
-        x = kernels.random_walks(generator, n, mean, search.standard_deviation)
+        x = kernels.draw_random_walks(generator, n, mean, search.standard_deviation)
     else:
-        x = kernels.drawn(generator, n, mean, covariance)
+        x = kernels.draw_normal(generator, n, mean, covariance)
     objective, convergence, moved = [], [], np.inf
     for _ in range(search.generations):
-        mean, covariance, best, moved = kernels.distribution(
+        mean, covariance, best, moved = kernels.update_distribution(
             x, misfits(x), size, per_scan, full, search.smoothing, mean, covariance
         )
         objective.append(best)
         convergence.append(moved)
         if moved < search.threshold:
             break
-        x = kernels.drawn(generator, n, mean, covariance)
+        x = kernels.draw_normal(generator, n, mean, covariance)
     return mean, SearchRun(np.array(objective), np.array(convergence), moved < search.threshold)
 
 
-def _check_reaction(model: Trial, search: Search) -> None:
+def _check_reaction(model: ForwardModel, search: Search) -> None:
     """Within a window some channel must feel an elevation as it does when the other wheels come to it, or nearly."""
     elevation = np.zeros(len(model.place))
     until = min(model.before + search.unknowns, len(model.place) - model.before)
     level = model.signals(elevation, 0, until)
     elevation[model.before] = 1.0
     felt = np.abs(model.signals(elevation, 0, until) - level)
-    if not np.any(felt[: search.unknowns].max(axis=0) > LEAST_REACTION * felt.max(axis=0)):
+    if not np.any(felt[: search.unknowns].max(axis=0) > MINIMUM_REACTION * felt.max(axis=0)):
         raise DataError(
             "No channel reacts to the leading wheel within a window, which the objective needs; "
             "record on the leading bogie or axle box, or take the smoother."
@@ -356,7 +363,7 @@ def _check_reaction(model: Trial, search: Search) -> None:
 
 
 def _profile(
-    model: Trial, march: _March, search: Search, vehicle: Vehicle, track: Track, seed: int,
+    model: ForwardModel, march: _March, search: Search, vehicle: Vehicle, track: Track, seed: int,
     notes: tuple[str, ...],
 ) -> xr.Dataset:  # fmt: skip
     quality = np.zeros(march.decided, np.int16)
@@ -377,7 +384,7 @@ def _profile(
 
 
 def _reproduced(
-    recording: xr.Dataset, model: Trial, scans: Scans, march: _March
+    recording: xr.Dataset, model: ForwardModel, scans: Scans, march: _March
 ) -> dict[str, Array]:
     signals = model.signals(march.elevation, 0, march.decided)
     out = {}

@@ -20,15 +20,15 @@ from trackprofile.models.sensor import Sensor
 from trackprofile.models.track import LayeredTrack, Track
 from trackprofile.models.vehicle import HEAVE, Vehicle
 from trackprofile.simulation.layered import MARGIN, LayeredRun
-from trackprofile.simulation.mechanics import check_step, mechanics
+from trackprofile.simulation.mechanics import check_step, vehicle_matrices
 from trackprofile.simulation.simple import SimpleRun
-from trackprofile.simulation.simulate import Simulation, felt
+from trackprofile.simulation.simulate import Simulation, sensor_signal
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Trial:
+class ForwardModel:
     """A vehicle that tries elevations, window by window, one unknown to a step.
 
     Parameters
@@ -79,7 +79,7 @@ class Trial:
         """What the sensors read over given elevations, (count, sensors), by the model itself."""
         return self._read(elevation, first, count)[0]
 
-    def advanced(self, elevation: Array, first: int, count: int) -> Trial:
+    def advanced(self, elevation: Array, first: int, count: int) -> ForwardModel:
         """With the state carried over ``count`` steps that are decided."""
         return replace(self, model=self._read(elevation, first, count)[1])
 
@@ -127,9 +127,9 @@ def backward_derivatives(place: Array, r: Array) -> tuple[Array, Array, Array]:
     return r, r1 + r2 * back, 2 * r2 + 2 * r3 * twice
 
 
-def trial(
+def forward_model(
     vehicle: Vehicle, track: Track, sensors: tuple[Sensor, ...], scheme: Scheme, position: Array, speed: Array
-) -> Trial:  # fmt: skip
+) -> ForwardModel:  # fmt: skip
     """A vehicle in static equilibrium at the first position, on level track behind.
 
     Parameters
@@ -141,7 +141,7 @@ def trial(
     ModelError
         Where the vehicle cannot stand, the step is too coarse, or a sensor finds no body.
     """
-    car = mechanics(vehicle)
+    car = vehicle_matrices(vehicle)
     check_step(car, track, scheme)
     start = float(position[0])
     model = (
@@ -157,10 +157,15 @@ def trial(
     freedoms = (*car.freedoms, *((wheel.name, HEAVE) for wheel in vehicle.wheels))
     one, none = np.eye(len(freedoms)), np.zeros((len(freedoms),) * 2)
     felt_by = [
-        np.stack([felt(_moving(freedoms, *which), vehicle, sensor) for sensor in sensors], axis=1)
+        np.stack(
+            [sensor_signal(_moving(freedoms, *which), vehicle, sensor) for sensor in sensors],
+            axis=1,
+        )
         for which in ((none, one), (one, none))
     ]
-    return Trial(model, scheme, motion, np.concatenate([behind, position[1:]]), before, *felt_by)
+    return ForwardModel(
+        model, scheme, motion, np.concatenate([behind, position[1:]]), before, *felt_by
+    )
 
 
 def _moving(

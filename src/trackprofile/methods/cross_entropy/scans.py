@@ -16,7 +16,7 @@ from trackprofile.models.sensor import Installation
 
 Array = NDArray[np.float64]
 
-UNEVEN = 1e-3
+TIME_TOLERANCE = 1e-3
 """Of the sampling interval, by which scans may stray: below what a clock of 1 ms resolution does at 500 Hz."""
 
 
@@ -41,7 +41,7 @@ class Scans:
     channels: tuple[str, ...]
 
 
-def scans_of(
+def select_scans(
     data: Observations, installation: Installation, search: Search
 ) -> tuple[Scans, tuple[str, ...]]:
     """Every so manieth sample, so that a phase has the length that is asked for.
@@ -64,7 +64,7 @@ def scans_of(
         )
     steps = np.diff(motion.time)
     interval = float(np.median(steps))
-    uneven = np.flatnonzero(np.abs(steps - interval) > UNEVEN * interval)
+    uneven = np.flatnonzero(np.abs(steps - interval) > TIME_TOLERANCE * interval)
     if uneven.size:
         raise DataError(
             f"Cross-entropy needs samples evenly in time, and after data row {uneven[0] + 1} come "

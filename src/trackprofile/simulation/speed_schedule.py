@@ -14,12 +14,12 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Drive:
+class SpeedSchedule:
     """Speeds (m/s) at times (s) from 0 on; between them the acceleration is constant, after them the speed.
 
     Examples
     --------
-    >>> Drive((0.0, 10.0), (20.0, 30.0)).at(np.array([0.0, 5.0, 10.0, 11.0]))
+    >>> SpeedSchedule((0.0, 10.0), (20.0, 30.0)).at(np.array([0.0, 5.0, 10.0, 11.0]))
     array([[  0. ,  20. ,   1. ],
            [112.5,  25. ,   1. ],
            [250. ,  30. ,   0. ],
@@ -67,7 +67,7 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class RecordedMotion:
     """A recorded motion, after ``lead`` m at its first speed: position is a cubic between samples.
 
     Parameters
@@ -77,7 +77,7 @@ class Followed:
 
     Examples
     --------
-    >>> recorded = Followed(np.array([0.0, 1.0]), np.array([5.0, 15.0]), np.array([10.0, 10.0]), 20.0)
+    >>> recorded = RecordedMotion(np.array([0.0, 1.0]), np.array([5.0, 15.0]), np.array([10.0, 10.0]), 20.0)
     >>> recorded.at(np.array([2.5])), recorded.duration(30.0)
     (array([[25., 10.,  0.]]), 3.0)
     """
@@ -114,12 +114,12 @@ class Followed:
         return float(lasted + np.interp(reached, self.distance, self.time) - self.time[0])
 
 
-def steady(speed: float) -> Drive:
+def constant_speed(speed: float) -> SpeedSchedule:
     """A train that keeps its speed, m/s.
 
     Examples
     --------
-    >>> steady(20.0).duration(100.0)
+    >>> constant_speed(20.0).duration(100.0)
     5.0
     """
-    return Drive((0.0,), (speed,))
+    return SpeedSchedule((0.0,), (speed,))
