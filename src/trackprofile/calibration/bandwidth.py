@@ -178,8 +178,8 @@ def _even(data: Observations, i: int, interval: float) -> tuple[Array, Array, Ar
 def limit_bandwidth(data: Observations, highest: Sequence[float]) -> Observations:
     """The signals without what lies above some frequency each, at as many samples as that takes.
 
-    Where noise is all that lies above, it is cut off sharply. Where the track still speaks there, but the model of it
-    does not hold (``MAXIMUM_FIT_FREQUENCY``), a sharp cut would leave a hole that the model does not expect, and the vehicle
+    Where noise is all that lies above, it is cut off sharply. Where the track still speaks there, but its model
+    fails (``MAXIMUM_FIT_FREQUENCY``), a sharp cut would leave a hole that the model does not expect, and the vehicle
     would be bent to make one: there the signal goes through a gentle low-pass that the model goes through too.
 
     Parameters
