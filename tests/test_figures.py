@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 from trackprofile.bands import D1, band_pass
 from trackprofile.errors import DataError
 from trackprofile.reporting.figures import (
-    profile_figure,
-    profile_picture,
-    ride_figure,
-    ride_picture,
+    interactive_profile_figure,
+    interactive_simulation_figure,
+    static_profile_figure,
+    static_simulation_figure,
     write_html,
     write_png,
 )
-from trackprofile.reporting.figures.chart import MOST_POINTS, chart_of, extremes
-from trackprofile.reporting.figures.simulation_figure import ride_chart
+from trackprofile.reporting.figures.chart import MOST_POINTS, extremes, profile_chart
+from trackprofile.reporting.figures.simulation_figure import simulation_chart
 from trackprofile.simulation.simulate import Simulation
 
 DISTANCE = np.arange(0.0, 500.0, 0.25)
@@ -68,7 +68,7 @@ REPRODUCED = {"a": 0.9 * a_recording()["a"].to_numpy(), "q": a_recording()["q"].
 
 
 def test_page_has_a_panel_for_each_band_and_two_for_each_sensor():
-    figure = profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
+    figure = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
     names = [trace.name for trace in figure.data]
     assert names == [
         *["95 % interval", "elevation"] * 2,
@@ -86,14 +86,14 @@ def test_page_has_a_panel_for_each_band_and_two_for_each_sensor():
 
 
 def test_picture_has_the_same_panels_as_the_page():
-    page = profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
-    picture = profile_picture(STATED, a_recording(), reproduced=REPRODUCED)
+    page = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
+    picture = static_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
     titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in picture.axes]
     assert titles == [note.text for note in page.layout.annotations]
 
 
 def test_interval_is_196_standard_deviations_to_each_side_in_millimetres():
-    elevation, d1, d2 = chart_of(STATED, None, None, {}).panels
+    elevation, d1, d2 = profile_chart(STATED, None, None, {}).panels
     half = (elevation.interval.high - elevation.interval.low) / 2
     assert half == pytest.approx(1.96e3 * DEVIATION)
     assert elevation.interval.low + half == pytest.approx(1e3 * LEVEL)
@@ -104,14 +104,14 @@ def test_interval_is_196_standard_deviations_to_each_side_in_millimetres():
 
 
 def test_page_draws_the_interval_around_the_elevation():
-    interval, elevation = profile_figure(STATED).data[:2]
+    interval, elevation = interactive_profile_figure(STATED).data[:2]
     there, back = np.split(np.asarray(interval.y)[:-1], 2)
     assert back[::-1] - elevation.y == pytest.approx(1.96e3 * DEVIATION)
     assert elevation.y - there == pytest.approx(1.96e3 * DEVIATION)
 
 
 def test_residual_is_measured_less_reproduced_where_the_sample_is_valid():
-    panels = chart_of(a_profile(), a_recording(), None, REPRODUCED).panels
+    panels = profile_chart(a_profile(), a_recording(), None, REPRODUCED).panels
     residual = panels[4].lines[0]
     good = DISTANCE < 400
     expected = 0.1 * a_recording()["a"].to_numpy()
@@ -121,7 +121,7 @@ def test_residual_is_measured_less_reproduced_where_the_sample_is_valid():
 
 
 def test_samples_stand_where_they_are_said_to_stand():
-    chart = chart_of(a_profile(), a_recording(), DISTANCE + 9.0, {})
+    chart = profile_chart(a_profile(), a_recording(), DISTANCE + 9.0, {})
     assert chart.panels[3].lines[0].x[0] == 9.0
     assert [line.name for line in chart.panels[3].lines] == ["measured"]
 
@@ -134,10 +134,10 @@ def test_gaps_are_shaded_and_nothing_is_drawn_there(kind):
     profile = a_profile(level=level, quality=quality, standard_deviation=DEVIATION)
     if kind == "missing rows":
         profile = profile.isel(distance=~inside)
-    chart = chart_of(profile, None, None, {})
+    chart = profile_chart(profile, None, None, {})
     assert chart.gaps == ((100.0, 150.0),)
     assert np.isnan(chart.panels[0].lines[0].y[inside]).all()
-    figure = profile_figure(profile)
+    figure = interactive_profile_figure(profile)
     assert {(shape.x0, shape.x1) for shape in figure.layout.shapes} == {(100.0, 150.0)}
     assert len(figure.layout.shapes) == len(chart.panels)
     drawn = np.asarray(figure.data[0].x)
@@ -146,7 +146,7 @@ def test_gaps_are_shaded_and_nothing_is_drawn_there(kind):
 
 def test_a_band_longer_than_the_profile_is_not_drawn():
     short = a_profile(DISTANCE[:200], LEVEL[:200])
-    assert [panel.name for panel in chart_of(short, None, None, {}).panels] == [
+    assert [panel.name for panel in profile_chart(short, None, None, {}).panels] == [
         "Elevation",
         "D1, 3 to 25 m",
     ]
@@ -172,14 +172,14 @@ def test_a_long_profile_stays_light_and_says_how():
     distance = np.arange(0.0, 10_000.0, 0.25)
     level = np.sin(distance)
     level[12_345] = 5.0
-    figure = profile_figure(a_profile(distance, level))
+    figure = interactive_profile_figure(a_profile(distance, level))
     assert all(len(trace.x) <= MOST_POINTS + 2 for trace in figure.data)
     assert max(figure.data[0].y) == pytest.approx(5e3)
     assert "extremes of 2000 pieces" in figure.layout.title.subtitle.text
 
 
 def test_page_asks_nothing_of_any_network(tmp_path):
-    write_html(profile_figure(STATED), tmp_path / "page")
+    write_html(interactive_profile_figure(STATED), tmp_path / "page")
     page = (tmp_path / "page").read_text(encoding="utf-8")
     assert "<title>Track profile, 0 to 500 m</title>" in page
     assert 'src="http' not in page
@@ -188,20 +188,22 @@ def test_page_asks_nothing_of_any_network(tmp_path):
 
 
 def test_picture_is_written_as_png_whatever_the_suffix(tmp_path):
-    write_png(profile_picture(STATED, a_recording(), reproduced=REPRODUCED), tmp_path / "p.part")
+    write_png(
+        static_profile_figure(STATED, a_recording(), reproduced=REPRODUCED), tmp_path / "p.part"
+    )
     assert (tmp_path / "p.part").read_bytes().startswith(b"\x89PNG")
 
 
 def test_what_does_not_fit_the_recording_is_refused():
     recording = a_recording()
     with pytest.raises(DataError, match="Reproduced b: the recording has only a, q"):
-        profile_figure(STATED, recording, reproduced={"b": DISTANCE})
+        interactive_profile_figure(STATED, recording, reproduced={"b": DISTANCE})
     with pytest.raises(DataError, match=r"Reproduced a: .* 2000, got shape \(3,\)"):
-        profile_figure(STATED, recording, reproduced={"a": DISTANCE[:3]})
+        interactive_profile_figure(STATED, recording, reproduced={"a": DISTANCE[:3]})
     with pytest.raises(DataError, match=r"one per sample, 2000, got shape \(2,\)"):
-        profile_figure(STATED, recording, DISTANCE[:2])
+        interactive_profile_figure(STATED, recording, DISTANCE[:2])
     with pytest.raises(DataError, match="no distance: give sample_distance"):
-        profile_picture(STATED, recording.drop_vars("distance"))
+        static_profile_figure(STATED, recording.drop_vars("distance"))
 
 
 def test_importing_the_room_loads_neither_plotly_nor_matplotlib():
@@ -221,7 +223,7 @@ def a_ride(force=150e3, deflection=-1.6e-3):
 
 
 def test_chart_of_a_ride_shows_profile_signals_forces_and_deflections_in_their_units():
-    chart = ride_chart(a_profile(), a_recording(), a_ride(), "A ride")
+    chart = simulation_chart(a_profile(), a_recording(), a_ride(), "A ride")
     assert [(panel.name, panel.unit) for panel in chart.panels] == [
         ("Profile", "mm"),
         ("Vertical acceleration", "m/s²"),
@@ -239,26 +241,26 @@ def test_chart_of_a_ride_shows_profile_signals_forces_and_deflections_in_their_u
 
 
 def test_every_wheel_of_a_ride_has_a_colour_of_its_own_that_no_other_line_has():
-    *_, force, deflection = ride_chart(a_profile(), a_recording(), a_ride(), "").panels
+    *_, force, deflection = simulation_chart(a_profile(), a_recording(), a_ride(), "").panels
     assert [line.name for line in force.lines] == ["wheel 1", "wheel 2"]
     assert [line.colour for line in force.lines] == [line.colour for line in deflection.lines]
     colours = [
         line.colour
-        for panel in chart_of(a_profile(), None, None, {}).panels
+        for panel in profile_chart(a_profile(), None, None, {}).panels
         for line in panel.lines
     ]
     assert len({*colours, *(line.colour for line in force.lines)}) == len(set(colours)) + 2
 
 
 def test_a_rigid_track_has_no_deflection_to_draw_and_lift_off_is_said_beside_the_forces():
-    chart = ride_chart(a_profile(), a_recording(), a_ride(force=-1e3, deflection=0.0), "")
+    chart = simulation_chart(a_profile(), a_recording(), a_ride(force=-1e3, deflection=0.0), "")
     assert chart.panels[-1].name == "Contact force"
     assert chart.panels[-1].about == "-1 to -1 kN: below 0 the wheel would lift off"
 
 
 def test_picture_of_a_ride_has_the_same_panels_as_its_page():
     ridden = (a_profile(), a_recording(), a_ride(), "A ride")
-    page, picture = ride_figure(*ridden), ride_picture(*ridden)
+    page, picture = interactive_simulation_figure(*ridden), static_simulation_figure(*ridden)
     titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in picture.axes]
     assert titles == [note.text for note in page.layout.annotations]
     names = [trace.name for trace in page.data]

@@ -50,7 +50,7 @@ def calibrate(
         read_vehicle,
         write_vehicle,
     )
-    from trackprofile.reporting.figures import calibration_picture, write_png
+    from trackprofile.reporting.figures import calibration_figure, write_png
 
     check_vehicle_place(output)
     if picture is not None:
@@ -76,7 +76,7 @@ def calibrate(
     write_vehicle(found.vehicle, found.installation, output, origin | result)
     if picture is not None:
         with whole_files(picture) as (file,):
-            write_png(calibration_picture(found), file)
+            write_png(calibration_figure(found), file)
     if as_json:
         show.as_one_object({"file": str(output)} | origin | result)
         return

@@ -23,13 +23,13 @@ from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.reporting.figures import (
-    profile_figure,
-    profile_picture,
-    ride_figure,
-    ride_picture,
+    interactive_figure,
+    static_figure,
     write_html,
     write_png,
 )
+from trackprofile.reporting.figures.chart import profile_chart
+from trackprofile.reporting.figures.simulation_figure import simulation_chart
 from trackprofile.scenario import SOURCE, SimulatedRun
 
 
@@ -95,7 +95,8 @@ def write_estimate(
     )
     shown = _as_taken(recording, estimate.taken)
     drawn = (made, shown, estimate.sample_distance, estimate.reproduced)
-    page, picture = profile_figure(*drawn), profile_picture(*drawn)
+    chart = profile_chart(*drawn)
+    page, picture = interactive_figure(chart), static_figure(chart)
     with whole_files(*files) as (profile_file, page_file, picture_file):
         write(made, profile_file)
         write_html(page, page_file)
@@ -155,8 +156,8 @@ def write_simulation(
     FileError : as of `made_files`.
     """
     files = simulation_files(recording, truth)
-    drawn = (made.truth, made.recording, made.simulation, title)
-    page, picture = ride_figure(*drawn), ride_picture(*drawn)
+    chart = simulation_chart(made.truth, made.recording, made.simulation, title)
+    page, picture = interactive_figure(chart), static_figure(chart)
     with whole_files(*files[1:]) as (truth_file, page_file, picture_file):
         write(made.truth, truth_file)
         write_html(page, page_file)

@@ -1,8 +1,8 @@
-"""Pictures of a profile and of how well it explains the recording.
+"""Figures of a profile, a simulation and a calibration: interactive (plotly) or static (matplotlib).
 
-What is drawn is put together once, as data (`chart`); `page` (plotly, to look around in) and
-`picture` (matplotlib, for a report) only draw it. Figures are returned, never shown. Both are
-imported when they draw, for importing plotly or matplotlib takes longer than most commands run.
+What a figure shows is assembled once, as data (`chart`); `figure_html` (plotly) and `png` (matplotlib) draw it.
+Functions return a figure and never show it. They import plotly or matplotlib when they draw, because that import
+takes longer than most commands run.
 """
 
 from __future__ import annotations
@@ -14,46 +14,62 @@ from typing import TYPE_CHECKING
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from trackprofile.reporting.figures.chart import chart_of
+from trackprofile.reporting.figures.chart import Chart, profile_chart
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from plotly.graph_objects import Figure as Page
+    from plotly.graph_objects import Figure as PlotlyFigure
 
     from trackprofile.calibration.calibrate import Calibration
     from trackprofile.simulation.simulate import Simulation
 
 __all__ = [
-    "calibration_picture",
-    "profile_figure",
-    "profile_picture",
-    "ride_figure",
-    "ride_picture",
+    "calibration_figure",
+    "interactive_figure",
+    "interactive_profile_figure",
+    "interactive_simulation_figure",
+    "static_figure",
+    "static_profile_figure",
+    "static_simulation_figure",
     "write_html",
     "write_png",
 ]
 
 
-def profile_figure(
+def interactive_figure(chart: Chart) -> PlotlyFigure:
+    """Draw a chart with plotly."""
+    from trackprofile.reporting.figures.figure_html import draw
+
+    return draw(chart)
+
+
+def static_figure(chart: Chart) -> Figure:
+    """Draw a chart with matplotlib."""
+    from trackprofile.reporting.figures.png import draw
+
+    return draw(chart)
+
+
+def interactive_profile_figure(
     profile: xr.Dataset,
     recording: xr.Dataset | None = None,
     sample_distance: ArrayLike | None = None,
     reproduced: Mapping[str, ArrayLike] | None = None,
-) -> Page:
-    """The strip chart of a profile, to look around in: elevation, D1, D2, and each sensor.
+) -> PlotlyFigure:
+    """Strip chart of a profile with zoom and tooltips: elevation, D1, D2, and each sensor of the recording.
 
     Parameters
     ----------
-    profile : as of `contracts`
-    recording : whose channels are drawn below the profile
-    sample_distance : where on the profile each of its samples was taken (samples) [m]; by
-        default the recording's own distance
-    reproduced : by channel, what the model makes of the profile (samples) [the channel's unit]
+    profile : see `trackprofile.contracts`
+    recording : its channels are drawn below the profile
+    sample_distance : distance at which each sample was taken, (samples,) [m]; by default the recording's own
+        distance
+    reproduced : by channel, the signal that the model computes from the profile, (samples,) [the channel's unit]
 
     Raises
     ------
-    DataError : a length that is not the recording's, a channel that it does not have, or no
-        distance.
+    DataError : an array does not have the recording's length, a channel is not in the recording, or the
+        recording has no distance.
 
     Examples
     --------
@@ -61,73 +77,69 @@ def profile_figure(
     >>> distance = np.arange(0.0, 200.0, 0.25)
     >>> level = ("distance", 0.002 * np.sin(distance))
     >>> wave = xr.Dataset({"elevation": level}, {"distance": distance})
-    >>> [trace.name for trace in profile_figure(wave).data]
+    >>> [trace.name for trace in interactive_profile_figure(wave).data]
     ['elevation', 'elevation', 'elevation']
     """
-    from trackprofile.reporting.figures.figure_html import draw
-
-    return draw(chart_of(profile, recording, sample_distance, reproduced or {}))
+    return interactive_figure(profile_chart(profile, recording, sample_distance, reproduced or {}))
 
 
-def profile_picture(
+def static_profile_figure(
     profile: xr.Dataset,
     recording: xr.Dataset | None = None,
     sample_distance: ArrayLike | None = None,
     reproduced: Mapping[str, ArrayLike] | None = None,
 ) -> Figure:
-    """The same chart as a still picture; parameters and errors as of `profile_figure`."""
-    from trackprofile.reporting.figures.png import draw
-
-    return draw(chart_of(profile, recording, sample_distance, reproduced or {}))
+    """Strip chart of a profile as a matplotlib figure; parameters and errors as `interactive_profile_figure`."""
+    return static_figure(profile_chart(profile, recording, sample_distance, reproduced or {}))
 
 
-def ride_figure(
+def interactive_simulation_figure(
     truth: xr.Dataset, recording: xr.Dataset, simulation: Simulation, title: str
-) -> Page:
-    """The strip chart of a simulation, to look around in: profile, signals, contact forces, rail deflections.
+) -> PlotlyFigure:
+    """Strip chart of a simulation with zoom and tooltips: profile, signals, contact forces, rail deflections.
 
     Parameters
     ----------
     truth : the unloaded profile
-    recording : what the sensors read
-    simulation : of `trackprofile.simulation.simulate`
-    title : what it is of
+    recording : signals of the sensors
+    simulation : result of `trackprofile.simulation.simulate`
+    title : first part of the title
     """
-    from trackprofile.reporting.figures.figure_html import draw
-    from trackprofile.reporting.figures.simulation_figure import ride_chart
+    from trackprofile.reporting.figures.simulation_figure import simulation_chart
 
-    return draw(ride_chart(truth, recording, simulation, title))
+    return interactive_figure(simulation_chart(truth, recording, simulation, title))
 
 
-def ride_picture(
+def static_simulation_figure(
     truth: xr.Dataset, recording: xr.Dataset, simulation: Simulation, title: str
 ) -> Figure:
-    """The same chart as a still picture; parameters as of `ride_figure`."""
-    from trackprofile.reporting.figures.png import draw
-    from trackprofile.reporting.figures.simulation_figure import ride_chart
+    """Strip chart of a simulation as a matplotlib figure; parameters as `interactive_simulation_figure`."""
+    from trackprofile.reporting.figures.simulation_figure import simulation_chart
 
-    return draw(ride_chart(truth, recording, simulation, title))
+    return static_figure(simulation_chart(truth, recording, simulation, title))
 
 
-def calibration_picture(calibration: Calibration) -> Figure:
-    """How sharply each parameter is told, and what of each signal's spectrum the track explains.
+def calibration_figure(calibration: Calibration) -> Figure:
+    """Log-posterior along each parameter, and the part of each signal's spectrum that the track explains.
 
     Parameters
     ----------
-    calibration : of `trackprofile.calibration.calibrate.calibrate`
+    calibration : result of `trackprofile.calibration.calibrate.calibrate`
     """
     from trackprofile.reporting.figures.calibration_figure import draw
 
     return draw(calibration)
 
 
-def write_html(figure: Page, path: Path | str) -> None:
-    """Write a page that holds all it needs and asks nothing of any network."""
+def write_html(figure: PlotlyFigure, path: Path | str) -> None:
+    """Write a plotly figure as one self-contained HTML file that needs no network."""
     from trackprofile.reporting.figures.figure_html import html
 
     Path(path).write_text(html(figure), encoding="utf-8")
 
 
 def write_png(figure: Figure, path: Path | str) -> None:
-    """Write a picture at 150 dots per inch, whatever the path's suffix."""
-    figure.savefig(path, format="png", dpi=150)
+    """Write a matplotlib figure as PNG at 150 dots per inch, whatever the suffix of the path."""
+    from trackprofile.reporting.figures.png import write
+
+    write(figure, path)

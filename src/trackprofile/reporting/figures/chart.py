@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -115,13 +114,13 @@ class Chart:
     gaps: tuple[tuple[float, float], ...]
 
 
-def chart_of(
+def profile_chart(
     profile: xr.Dataset,
     recording: xr.Dataset | None,
     sample_distance: ArrayLike | None,
     reproduced: Mapping[str, ArrayLike],
 ) -> Chart:
-    """Put a profile and its recording into panels; parameters as of `plot.profile_figure`."""
+    """Put a profile and its recording into panels; parameters as of `plot.interactive_profile_figure`."""
     track = _track(profile)
     panels = [_elevation_panel(track)]
     panels += [panel for band in (D1, D2) if (panel := _band_panel(track, band))]
@@ -139,7 +138,12 @@ def chart_of(
 
 
 def extremes(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
-    """Which points to draw of many: per bucket the least and the greatest, and where a gap begins.
+    """Indices that keep the shape of a long trace: per bucket the minimum, the maximum and the first missing value.
+
+    Parameters
+    ----------
+    values : (n,), NaN where missing
+    most : maximum number of indices, not counting those of missing values; a shorter trace is kept whole
 
     Examples
     --------
@@ -148,16 +152,21 @@ def extremes(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
     """
     if values.size <= most:
         return np.arange(values.size)
-    starts = np.linspace(0, values.size, most // 2 + 1).astype(int)
-    kept = [0, values.size - 1]
-    for start, stop in pairwise(starts):
-        bucket = values[start:stop]
-        known = np.isfinite(bucket)
-        if not known.all():
-            kept.append(start + int(np.argmin(known)))
-        if known.any():
-            kept += [start + int(np.nanargmin(bucket)), start + int(np.nanargmax(bucket))]
-    return np.unique(kept)
+    bounds = np.linspace(0, values.size, most // 2 + 1).astype(int)
+    starts, sizes = bounds[:-1], np.diff(bounds)
+    inside = np.arange(sizes.max()) < sizes[:, None]
+    buckets = np.full(inside.shape, np.nan)
+    buckets[inside] = values
+    missing = inside & ~np.isfinite(buckets)
+    known = (inside & ~missing).any(axis=1)
+    absent = np.isnan(buckets)
+    lowest = starts + np.argmin(np.where(absent, np.inf, buckets), axis=1)
+    highest = starts + np.argmax(np.where(absent, -np.inf, buckets), axis=1)
+    first_missing = starts + np.argmax(missing, axis=1)
+    ends = [0, values.size - 1]
+    return np.unique(
+        np.concatenate([ends, lowest[known], highest[known], first_missing[missing.any(axis=1)]])
+    )
 
 
 def _note(profile: xr.Dataset, panels: Sequence[ChartPanel], gaps: bool) -> str:

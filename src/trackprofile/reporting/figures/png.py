@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 
 from trackprofile.reporting.figures.chart import (
     COLOURS,
@@ -18,6 +21,8 @@ from trackprofile.reporting.figures.chart import (
 )
 
 _PANEL, _HEAD = 1.6, 1.3  # inches
+DPI = 150
+"""Dots per inch of a PNG."""
 _QUIET = "#555555"
 
 
@@ -25,7 +30,7 @@ def draw(chart: Chart) -> Figure:
     """All panels one below the other, on one distance axis."""
     heights = [panel.height for panel in chart.panels]
     height = _PANEL * sum(heights) + _HEAD
-    figure = Figure(figsize=(11, height), layout="constrained")
+    figure = Figure(figsize=(11, height), dpi=DPI, layout="constrained")
     strips = figure.subplots(
         len(heights), sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
     )[:, 0]
@@ -35,7 +40,6 @@ def draw(chart: Chart) -> Figure:
         handles, names = axes.get_legend_handles_labels()
         legend |= dict(zip(names, handles, strict=True))
     strips[-1].set(xlim=chart.ends, xlabel="distance in m")
-    figure.align_ylabels()
     # The empty lines keep room for the legend, which no layout engine places below a title.
     figure.suptitle(f"{chart.title}\n\n", x=0.008, ha="left", fontsize=13, weight="bold")
     figure.legend(
@@ -48,7 +52,30 @@ def draw(chart: Chart) -> Figure:
         fontsize=9,
     )
     figure.supxlabel(chart.note, x=0.008, ha="left", fontsize=8, color=_QUIET)
+    _lay_out(figure)
     return figure
+
+
+def _lay_out(figure: Figure) -> None:
+    """Compute the layout once and keep it; labels are aligned afterwards, because each alignment measures all axes."""
+    FigureCanvasAgg(figure)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+    figure.set_layout_engine("none")
+    figure.align_ylabels()
+
+
+def write(figure: Figure, path: Path | str) -> None:
+    """Write a figure as PNG. It is drawn once: ``savefig`` would draw it twice because of its layout engine."""
+    screen_dpi = figure.get_dpi()
+    figure.set_dpi(DPI)
+    try:
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        imsave(path, canvas.buffer_rgba(), format="png", dpi=DPI)
+    finally:
+        figure.set_dpi(screen_dpi)
 
 
 def _draw_panel(axes: Axes, panel: ChartPanel, gaps: Sequence[tuple[float, float]]) -> None:

@@ -21,7 +21,7 @@ from trackprofile.simulation.simulate import Simulation
 _MILLI, _KILO = 1e3, 1e-3
 
 
-def ride_chart(
+def simulation_chart(
     truth: xr.Dataset, recording: xr.Dataset, simulation: Simulation, title: str
 ) -> Chart:
     """Put a simulation into panels, over the position of the leading wheel.
