@@ -32,7 +32,7 @@ acceptance: $(READY) ## the slow tests, and those on data that stand beside the 
 
 lock: $(READY) ## choose the versions anew (needs uv: https://docs.astral.sh/uv)
 	uv pip compile --quiet --universal --generate-hashes --upgrade --no-annotate --python-version 3.11 --extra dev \
-		--extra docs --extra mdf --extra network --extra tdms --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
+		--extra docs --extra mdf --extra network --extra plot --extra tdms --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
 
 clean: ## remove what the targets above made
 	rm -rf .venv demo dist docs/_build .pytest_cache .ruff_cache .hypothesis .benchmarks

@@ -86,5 +86,5 @@ def test_importing_the_package_loads_no_numpy() -> None:
 def test_every_public_name_is_there() -> None:
     for name in trackprofile.__all__:
         assert getattr(trackprofile, name) is not None
-    with pytest.raises(AttributeError, match="no attribute 'profle'"):
+    with pytest.raises(AttributeError, match="attribute profle"):
         _ = trackprofile.profle

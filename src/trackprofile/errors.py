@@ -3,6 +3,11 @@
 Every message is one sentence: what, where, what was expected, what was found, what to do.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 def printable(text: str) -> str:
     r"""A text with all that is no letter, sign or blank shown as its code: names in a damaged file may hold anything.
@@ -58,3 +63,38 @@ class ModelError(TrackprofileError):
 
 class UndeterminedError(TrackprofileError):
     """The data cannot tell what was asked of them."""
+
+
+class MissingExtraError(TrackprofileError):
+    """A task needs a library that only an optional extra of this package installs."""
+
+
+@contextmanager
+def importing_extra(extra: str, task: str) -> Iterator[None]:
+    """Turn the import error of an optional library into a sentence that names the extra.
+
+    Parameters
+    ----------
+    extra : name of the extra in ``pyproject.toml``
+    task : what needs the library, as the subject of a sentence
+
+    Raises
+    ------
+    MissingExtraError : a library that is imported inside is not installed.
+
+    Examples
+    --------
+    >>> with importing_extra("plot", "A PNG figure"):
+    ...     import no_such_library
+    Traceback (most recent call last):
+    trackprofile.errors.MissingExtraError: A PNG figure needs the library no_such_library: pip install ...
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        library = (error.name or "").split(".")[0]
+        if library in {"", "trackprofile"}:
+            raise
+        raise MissingExtraError(
+            f"{task} needs the library {library}: pip install 'trackprofile[{extra}]'."
+        ) from error

@@ -154,6 +154,7 @@ def demo(
 ) -> None:
     """Do the main job on a built-in recording, which is simulated."""
     from trackprofile.demo import run
+    from trackprofile.reporting.result_files import figure_notes
 
     with show.progress_bars() as progress:
         done = run(folder, progress=progress)
@@ -161,11 +162,12 @@ def demo(
     if as_json:
         show.as_one_object(done.comparison.as_dict() | {"files": list(map(str, files))})
         return
-    show.note((*done.found.notes, *done.comparison.notes))
+    show.note((*done.found.notes, *done.comparison.notes, *figure_notes(done.files)))
     show.say(f"Simulated a recording ({done.recording}) on track that is known ({done.truth}),")
     show.say("inferred the profile from it, and compared the two:")
     show.comparison(done.comparison)
-    show.say("Open these:")
+    if done.files[1:]:
+        show.say("Open these:")
     for path in done.files[1:]:
         show.say(f"  {path}")
 

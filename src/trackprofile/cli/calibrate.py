@@ -50,10 +50,15 @@ def calibrate(
         read_vehicle,
         write_vehicle,
     )
-    from trackprofile.reporting.figures import calibration_figure, write_png
+    from trackprofile.reporting.figures import (
+        calibration_figure,
+        check_png_library,
+        write_png,
+    )
 
     check_vehicle_place(output)
     if picture is not None:
+        check_png_library()
         check_places(picture)
     measured = [between(read_as(path, "recording"), from_m, to_m) for path in recordings]
     known = None if reference is None else between(read_as(reference, "profile"), from_m, to_m)

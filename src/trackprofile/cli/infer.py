@@ -86,7 +86,12 @@ def infer(
     from trackprofile.methods.cross_entropy import search as searches
     from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
     from trackprofile.methods.cross_entropy.search_toml import read_search
-    from trackprofile.reporting.result_files import estimate_files, summary, write_estimate
+    from trackprofile.reporting.result_files import (
+        estimate_files,
+        figure_notes,
+        summary,
+        write_estimate,
+    )
 
     _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)
     estimate_files(output)
@@ -114,10 +119,11 @@ def infer(
     if kept is not None:
         kept.discard()
     result = summary(found)
+    result["notes"] += figure_notes(files)
     if as_json:
         show.as_one_object({"files": files, "method": method.value} | result)
     else:
-        show.profile(files, found.notes, result)
+        show.profile(files, result)
     if stopped:
         raise typer.Exit(INTERRUPTED_EXIT if stopped == INTERRUPTED else 1)
 

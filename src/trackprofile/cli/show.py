@@ -105,13 +105,19 @@ def estimates(parameters: Mapping[str, Mapping[str, Any]]) -> None:
     )
 
 
-def profile(files: Sequence[str], notes: Sequence[str], result: Mapping[str, Any]) -> None:
+def see_figures(figures: Sequence[str]) -> None:
+    """Print where the figures are, where there are any."""
+    if figures:
+        say(f"See it in {' or '.join(figures)}.")
+
+
+def profile(files: Sequence[str], result: Mapping[str, Any]) -> None:
     """What infer found, in words."""
-    note(notes)
+    note(result["notes"])
     say(f"Profile from {round(result['from_m'])} m to {round(result['to_m'])} m in {files[0]}.")
     apart = result.get("standard_deviation_per_rail_mm", {})
     for band, deviation in result["standard_deviation_mm"].items():
         rails = [f"{rail} {found[band]:.3f} mm" for rail, found in apart.items() if band in found]
         more = f" (mean), {', '.join(rails)}" if rails else ""
         say(f"Standard deviation in {band}: {deviation:.3f} mm{more}")
-    say(f"See it in {files[1]} or {files[2]}.")
+    see_figures(files[1:])

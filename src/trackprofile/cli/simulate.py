@@ -51,6 +51,7 @@ def simulate(
     Beside RECORDING a page (.html) and a picture (.png) of the same name show what happened.
     """
     from trackprofile.reporting.result_files import (
+        figure_notes,
         simulation_files,
         simulation_summary,
         write_simulation,
@@ -65,10 +66,11 @@ def simulate(
     title = f"Simulation {ready.name}: {ready.vehicle.name}"
     files = list(map(str, write_simulation(made, output, truth, title)))
     result = {"files": files} | simulation_summary(made, changes)
+    result["notes"] += figure_notes(files)
     if as_json:
         show.as_one_object(result)
         return
-    show.note(made.simulation.notes)
+    show.note(result["notes"])
     ends = f"{result['from_m']:.0f} m to {result['to_m']:.0f} m"
     show.say(
         f"Recording of {result['samples']} samples from {ends} in {files[0]}, truth in {files[1]}."
@@ -77,4 +79,4 @@ def simulate(
     show.say(f"Contact forces {forces.min():.1f} to {forces.max():.1f} kN.")
     for name, change in changes.items():
         show.say(f"At half the step {name} changes by {100 * change:.2g} %.")
-    show.say(f"See it in {files[2]} or {files[3]}.")
+    show.see_figures(files[2:])

@@ -8,12 +8,11 @@ from pathlib import Path
 from trackprofile import __version__
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.trend import Trend
-from trackprofile.errors import FileError
+from trackprofile.errors import FileError, importing_extra
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.reporting.contents import Report
 from trackprofile.reporting.html import html
-from trackprofile.reporting.pdf import write_pdf
 
 SUFFIXES = (".html", ".pdf")
 
@@ -24,11 +23,15 @@ def report_files(*paths: str | Path) -> tuple[Path, ...]:
     Raises
     ------
     FileError : a suffix is none of `SUFFIXES`, or a file could not be written there.
+    MissingExtraError : a PDF is wanted, and matplotlib is not installed.
     """
     files = tuple(map(Path, paths))
     for path in files:
         if path.suffix.lower() not in SUFFIXES:
             raise FileError(f"{path}: a report goes to a file that ends in {', '.join(SUFFIXES)}.")
+    if any(path.suffix.lower() == ".pdf" for path in files):
+        with importing_extra("plot", "A PDF report"):
+            import matplotlib  # noqa: F401
     check_places(*files)
     return files
 
@@ -57,7 +60,7 @@ def report(
 
     Raises
     ------
-    FileError : as of `report_files`.
+    FileError, MissingExtraError : as of `report_files`.
 
     Examples
     --------
@@ -87,6 +90,8 @@ def report(
     with whole_files(*files) as parts:
         for part in parts:
             if part.suffix.lower() == ".pdf":
+                from trackprofile.reporting.pdf import write_pdf
+
                 write_pdf(made, part)
             else:
                 part.write_text(html(made), encoding="utf-8")

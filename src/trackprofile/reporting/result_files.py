@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,7 +21,7 @@ from trackprofile.contracts import (
     recording_identity,
 )
 from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT
-from trackprofile.errors import FileError, TrackprofileError
+from trackprofile.errors import FileError, MissingExtraError, TrackprofileError
 from trackprofile.io import format_to_write, read, write
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.reporting.figures import (
@@ -28,9 +30,12 @@ from trackprofile.reporting.figures import (
     write_html,
     write_png,
 )
-from trackprofile.reporting.figures.chart import profile_chart
+from trackprofile.reporting.figures.chart import Chart, profile_chart
 from trackprofile.reporting.figures.simulation_figure import simulation_chart
 from trackprofile.scenario import SOURCE, SimulatedRun
+
+FIGURE_SUFFIXES = (".html", ".png")
+NO_FIGURES = "No figures were drawn: they need pip install 'trackprofile[plot]'"
 
 
 class Inferred(Protocol):
@@ -73,8 +78,10 @@ def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
 
 def write_estimate(
     estimate: Inferred, recording: xr.Dataset, profile: str | Path
-) -> tuple[Path, Path, Path]:
-    """Write a profile and beside it how it looks: all three files, or none.
+) -> tuple[Path, ...]:
+    """Write a profile and its HTML and PNG figures: all files, or none.
+
+    Without the extra ``plot`` the profile is written alone: see `figure_notes`.
 
     Parameters
     ----------
@@ -95,13 +102,34 @@ def write_estimate(
     )
     shown = _as_taken(recording, estimate.taken)
     drawn = (made, shown, estimate.sample_distance, estimate.reproduced)
-    chart = profile_chart(*drawn)
-    page, picture = interactive_figure(chart), static_figure(chart)
-    with whole_files(*files) as (profile_file, page_file, picture_file):
-        write(made, profile_file)
-        write_html(page, page_file)
-        write_png(picture, picture_file)
-    return files
+    figures = _drawn(profile_chart(*drawn), *files[1:])
+    with whole_files(files[0], *figures) as (profile_part, *figure_parts):
+        write(made, profile_part)
+        for part, write_figure in zip(figure_parts, figures.values(), strict=True):
+            write_figure(part)
+    return (files[0], *figures)
+
+
+def figure_notes(files: Sequence[str | Path]) -> tuple[str, ...]:
+    """The sentence to report when no figure is among the files that were written.
+
+    Examples
+    --------
+    >>> figure_notes(["run.nc", "run.html", "run.png"])
+    ()
+    """
+    drawn = any(Path(file).suffix in FIGURE_SUFFIXES for file in files)
+    return () if drawn else (NO_FIGURES,)
+
+
+def _drawn(chart: Chart, html: Path, png: Path) -> dict[Path, Callable[[Path], None]]:
+    """The writer of each figure, by path; a figure whose library is not installed is left out."""
+    writers: dict[Path, Callable[[Path], None]] = {}
+    with suppress(MissingExtraError):
+        writers[html] = partial(write_html, interactive_figure(chart))
+    with suppress(MissingExtraError):
+        writers[png] = partial(write_png, static_figure(chart))
+    return writers
 
 
 def _as_taken(recording: xr.Dataset, taken: Mapping[str, NDArray[np.float64]]) -> xr.Dataset:
@@ -116,7 +144,7 @@ def _as_taken(recording: xr.Dataset, taken: Mapping[str, NDArray[np.float64]]) -
 
 
 def simulation_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Path, Path]:
-    """The files that `write_made` would write: recording, truth, and a page and picture beside the recording.
+    """The files that `write_simulation` would write: recording, truth, and a page and picture beside the recording.
 
     Raises
     ------
@@ -124,7 +152,7 @@ def simulation_files(recording: str | Path, truth: str | Path) -> tuple[Path, Pa
 
     Examples
     --------
-    >>> [path.name for path in made_files("run.nc", "truth.csv")]
+    >>> [path.name for path in simulation_files("run.nc", "truth.csv")]
     ['run.nc', 'truth.csv', 'run.html', 'run.png']
     """
     recording, truth = Path(recording), Path(truth)
@@ -148,23 +176,25 @@ def simulation_files(recording: str | Path, truth: str | Path) -> tuple[Path, Pa
 
 def write_simulation(
     made: SimulatedRun, recording: str | Path, truth: str | Path, title: str
-) -> tuple[Path, Path, Path, Path]:
-    """Write what a scenario made: all four files, or none.
+) -> tuple[Path, ...]:
+    """Write a simulation's recording, truth and figures: all files, or none.
+
+    Without the extra ``plot`` the figures are left out: see `figure_notes`.
 
     Raises
     ------
-    FileError : as of `made_files`.
+    FileError : as of `simulation_files`.
     """
     files = simulation_files(recording, truth)
     chart = simulation_chart(made.truth, made.recording, made.simulation, title)
-    page, picture = interactive_figure(chart), static_figure(chart)
-    with whole_files(*files[1:]) as (truth_file, page_file, picture_file):
-        write(made.truth, truth_file)
-        write_html(page, page_file)
-        write_png(picture, picture_file)
+    figures = _drawn(chart, *files[2:])
+    with whole_files(files[1], *figures) as (truth_part, *figure_parts):
+        write(made.truth, truth_part)
+        for part, write_figure in zip(figure_parts, figures.values(), strict=True):
+            write_figure(part)
         # Whole or not at all too, with the table that its TOML names.
         write(made.recording, files[0])
-    return files
+    return (*files[:2], *figures)
 
 
 def simulation_summary(made: SimulatedRun, changes: Mapping[str, float]) -> dict[str, Any]:

@@ -7,11 +7,13 @@ import io
 from collections.abc import Sequence
 from html import escape
 
-import plotly.graph_objects as go
-from plotly.io import to_html
-from plotly.offline import get_plotlyjs
-
+from trackprofile.errors import importing_extra
 from trackprofile.reproduction.parts import Cell, FigurePanel, PageSection, Table
+
+with importing_extra("plot", "The report of the reproduction"):
+    import plotly.graph_objects as go
+    from plotly.io import to_html
+    from plotly.offline import get_plotlyjs
 
 STYLE = """
 body { font: 16px/1.5 system-ui, Helvetica, Arial, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto;

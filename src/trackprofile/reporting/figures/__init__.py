@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from trackprofile.errors import importing_extra
 from trackprofile.reporting.figures.chart import Chart, profile_chart
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "calibration_figure",
+    "check_png_library",
     "interactive_figure",
     "interactive_profile_figure",
     "interactive_simulation_figure",
@@ -38,14 +40,16 @@ __all__ = [
 
 def interactive_figure(chart: Chart) -> PlotlyFigure:
     """Draw a chart with plotly."""
-    from trackprofile.reporting.figures.figure_html import draw
+    with importing_extra("plot", "An HTML figure"):
+        from trackprofile.reporting.figures.figure_html import draw
 
     return draw(chart)
 
 
 def static_figure(chart: Chart) -> Figure:
     """Draw a chart with matplotlib."""
-    from trackprofile.reporting.figures.png import draw
+    with importing_extra("plot", "A PNG figure"):
+        from trackprofile.reporting.figures.png import draw
 
     return draw(chart)
 
@@ -126,9 +130,21 @@ def calibration_figure(calibration: Calibration) -> Figure:
     ----------
     calibration : result of `trackprofile.calibration.calibrate.calibrate`
     """
-    from trackprofile.reporting.figures.calibration_figure import draw
+    with importing_extra("plot", "A PNG figure"):
+        from trackprofile.reporting.figures.calibration_figure import draw
 
     return draw(calibration)
+
+
+def check_png_library() -> None:
+    """Check, before a long computation, that PNG figures can be drawn.
+
+    Raises
+    ------
+    MissingExtraError : matplotlib is not installed.
+    """
+    with importing_extra("plot", "A PNG figure"):
+        import matplotlib.figure  # noqa: F401
 
 
 def write_html(figure: PlotlyFigure, path: Path | str) -> None:
