@@ -111,8 +111,8 @@ def refused(folder: Path, text: str) -> None:
         ('vehicle = "velaro"', 'vehicle = "tram"', "tram: there is no such file"),
         ('vehicle = "velaro"', 'vehicle = "quarter-car"', "does not have"),
         ('track = "zhai-layered"', 'track = "loose.toml"', "spacing must be above 0"),
-        ('vehicle = "velaro"', 'vehicle = "light.toml"', "must be positive"),
-        ('kind = "bell"', 'kind = "file"\npath = "short.csv"', "but is wanted from"),
+        ('vehicle = "velaro"', 'vehicle = "light.toml"', "must be above 0"),
+        ('kind = "bell"', 'kind = "file"\npath = "short.csv"', "but the run needs"),
         ('speed = "150 km/h"', 'speed = "-1 km/h"', "speeds above 0"),
     ],
 )  # fmt: skip

@@ -154,7 +154,7 @@ def test_recording_that_does_not_fit_the_vehicle_is_refused(
     with pytest.raises(DataError, match=r"covers .* m, but from the first to the last wheel"):
         infer(recording.isel(sample=slice(0, 60)), VELARO)
     roof = [replace(channels(recording)[0], body="roof")]
-    with pytest.raises(ModelError, match="stands on 'roof'"):
+    with pytest.raises(ModelError, match="is mounted on 'roof'"):
         infer(rebuilt(recording, channels=roof), VELARO)
 
 

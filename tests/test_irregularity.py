@@ -238,7 +238,7 @@ def test_a_sampled_wave_is_recovered_with_the_splines_order(order: int) -> None:
 
 
 def test_a_profile_shorter_than_the_run_is_refused() -> None:
-    with pytest.raises(DataError, match=r"from 0 m to 199.5 m.*from -1 m to 0 m; shorten the run"):
+    with pytest.raises(DataError, match=r"0 m to 199.5 m.*-1 m to 0 m; shorten the run"):
         EVERY["sampled"].at(np.array([-1.0, 0.0]))
 
 
@@ -254,7 +254,7 @@ def test_a_profile_may_end_a_rounding_before_the_run() -> None:
     [
         (GRID[:5], GRID[:5], "six or more"),
         (GRID, GRID[:-1], "as many elevations"),
-        (GRID[::-1], GRID, "strictly increase"),
+        (GRID[::-1], GRID, "strictly increasing"),
         (GRID, np.where(GRID == 3.0, np.nan, 0.0), "finite"),
     ],
 )

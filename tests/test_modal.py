@@ -80,7 +80,7 @@ def test_axle_loads_and_sources_of_built_in_cars_are_plausible(name: str) -> Non
     assert set(parameter_values(car)) == {one.name for one in car.parameters}
     for one in car.parameters:
         assert one.source
-        assert 0.05 <= one.spread <= 1.0
+        assert 0.05 <= one.log_std <= 1.0
 
 
 def test_two_bogies_that_do_not_feel_each_other_pitch_alone() -> None:

@@ -137,7 +137,7 @@ def test_the_zhai_track_is_the_one_fitted_below_30_hz() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "amplitude", "upper", "d1_mm"),
+    ("name", "amplitude", "corner_high", "d1_mm"),
     [
         ("fra-4", 2.39e-5, 0.825, 7.58),
         ("fra-5", 9.35e-6, 0.825, 4.74),
@@ -147,10 +147,14 @@ def test_the_zhai_track_is_the_one_fitted_below_30_hz() -> None:
     ],
 )
 def test_the_spectra_have_their_coefficients_and_standard_deviations(
-    name: str, amplitude: float, upper: float, d1_mm: float
+    name: str, amplitude: float, corner_high: float, d1_mm: float
 ) -> None:
     spectrum = read_spectrum(name)
-    assert (spectrum.amplitude, spectrum.lower, spectrum.upper) == (amplitude, 0.0206, upper)
+    assert (spectrum.amplitude, spectrum.corner_low, spectrum.corner_high) == (
+        amplitude,
+        0.0206,
+        corner_high,
+    )
     assert 1e3 * spectrum.standard_deviation(3.0, 25.0) == pytest.approx(d1_mm, abs=0.005)
 
 
@@ -158,16 +162,16 @@ LAW = """
 name = "law"
 shortest = { value = 1000, unit = "mm" }
 longest = { value = 100, unit = "m" }
-[[piece]]
-upper = { value = 0.5, unit = "1/m" }
+[[segment]]
+end = { value = 0.5, unit = "1/m" }
 density = { value = 2, unit = "mm²/(1/m)" }
-at = { value = 0.1, unit = "1/m" }
+reference = { value = 0.1, unit = "1/m" }
 slope = 3
-[[piece]]
+[[segment]]
 density = { value = 2, unit = "cm²/(rad/m)" }
-at = { value = 1, unit = "rad/m" }
+reference = { value = 1, unit = "rad/m" }
 slope = 0
-knee = { at = { value = 1, unit = "rad/m" }, fall = 3, sharpness = 1.5 }
+corner = { frequency = { value = 1, unit = "rad/m" }, added_slope = 3, sharpness = 1.5 }
 """
 
 
@@ -176,8 +180,8 @@ def test_a_power_law_is_read_in_si(tmp_path: Path) -> None:
     assert read_roughness(put(tmp_path, LAW)) == PowerLaw(
         "law",
         (
-            SpectrumSegment(2e-6 / whole, 0.1 * whole, 3.0, upper=0.5 * whole),
-            SpectrumSegment(2e-4, 1.0, 0.0, knee=1.0, fall=3.0, sharpness=1.5),
+            SpectrumSegment(2e-6 / whole, 0.1 * whole, 3.0, end=0.5 * whole),
+            SpectrumSegment(2e-4, 1.0, 0.0, corner_frequency=1.0, added_slope=3.0, sharpness=1.5),
         ),
         shortest=1.0,
         longest=100.0,
@@ -187,11 +191,16 @@ def test_a_power_law_is_read_in_si(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "kind", "words"),
     [
-        ('"mm²/(1/m)"', '"mm²"', FileError, ("piece 1.density.unit", "'mm²/(1/m)'")),
-        ("slope = 3", "slop = 3", FileError, ("'slop'", "piece 1", "slope")),
+        ('"mm²/(1/m)"', '"mm²"', FileError, ("segment 1.density.unit", "'mm²/(1/m)'")),
+        ("slope = 3", "slop = 3", FileError, ("'slop'", "segment 1", "slope")),
         ("value = 100,", "value = 1,", ModelError, ("'law'", "shortest < longest")),
         ('unit = "mm"', 'unit = "kg"', UnitError, ("'kg'", "length")),
-        ("fall = 3", "fall = 0", FileError, ("piece 2.knee.fall", "greater than 0")),
+        (
+            "added_slope = 3",
+            "added_slope = 0",
+            FileError,
+            ("segment 2.corner.added_slope", "greater than 0"),
+        ),
     ],
 )
 def test_a_power_law_that_cannot_be_is_refused_with_its_file(
@@ -209,7 +218,7 @@ def test_a_power_law_that_cannot_be_is_refused_with_its_file(
 
 def test_a_power_law_is_refused_as_a_prior_with_its_file(tmp_path: Path) -> None:
     path = put(tmp_path, LAW)
-    with pytest.raises(ModelError, match="no prior can be") as caught:
+    with pytest.raises(ModelError, match="cannot be a prior") as caught:
         read_spectrum(path)
     assert str(caught.value).startswith(str(path))
 
@@ -346,7 +355,7 @@ def test_units_are_converted_at_the_door(tmp_path: Path) -> None:
         ("mass = 100", "mass = true", FileError, ("wheel 1.mass", "name of a parameter")),
         ("mass = 100", "mass = nan", FileError, ("wheel 1.mass", "expected a number")),
         ('mass = "load"', "mass = 1", ModelError, ("nothing uses", "'load'")),
-        ("value = 2", "value = -2", ModelError, ("'body'", "positive")),
+        ("value = 2", "value = -2", ModelError, ("'body'", "above 0")),
         ("stiffness = 1e6", "stifness = 1e6", FileError, ("'stifness'", "stiffness")),
         ("value = 2", "valu = 2", FileError, ("'valu'", "parameter.load", "standard_error")),
         ("value = 2", "value = 0x", FileError, ("not valid TOML",)),

@@ -46,7 +46,7 @@ from two_rails import WAGON, Ridden, random_rails, recorded, ride
 SPEED, SAMPLING, LENGTH = 30.0, 100.0, 300.0
 MEAN = read_spectrum("german-low")
 # Literature: the FRA spectrum of cross level in terms of the one of level, 4 Ω²/(Ω² + Ωs²) S, Ωs = 0.438 rad/m.
-CROSS_LEVEL = Spectrum("cross level", 4 * MEAN.amplitude, 0.438, MEAN.upper)
+CROSS_LEVEL = Spectrum("cross level", 4 * MEAN.amplitude, 0.438, MEAN.corner_high)
 
 
 def side(name: str, lateral: float, body: str = "wheel 1", noise: float = 5e-3) -> Sensor:

@@ -41,7 +41,7 @@ from two_rails import random_rails, recorded, response, ride
 
 VELARO = read_vehicle("velaro")[0]
 MEAN = read_spectrum("german-low")
-CROSS_LEVEL = Spectrum("cross level", 4 * MEAN.amplitude, 0.438, MEAN.upper)
+CROSS_LEVEL = Spectrum("cross level", 4 * MEAN.amplitude, 0.438, MEAN.corner_high)
 SPEED, SAMPLING, KNOTS, SHORTEST = 150 / 3.6, 500.0, 0.25, 2.0
 BETWEEN = SPEED / SAMPLING
 START, END = 1000.0, 300.0  # m, in which the body's roll forgets how it began, and before the end

@@ -136,7 +136,7 @@ def test_profile_that_is_shorter_than_the_run_is_refused_before_it_runs(tmp_path
     )
     i = BELL.index("[[irregularity]]")
     short = BELL[:i] + '[[irregularity]]\nkind = "file"\npath = "level.csv"\n'
-    with pytest.raises(TrackprofileError, match=r"from 0 m to 19 m, but is wanted from -39"):
+    with pytest.raises(TrackprofileError, match=r"covers 0 m to 19 m, but the run needs -39"):
         read_scenario(put(tmp_path, short))
 
 
@@ -166,7 +166,7 @@ def test_irregularity_that_is_no_table_of_a_kind_is_refused(
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        ("vehicle", "value = 3.5", "value = -3.5", "'leading bogie' must be positive"),
+        ("vehicle", "value = 3.5", "value = -3.5", "'leading bogie' must be above 0"),
         ("track", "value = 0.545", "value = 0", "spacing must be above 0, got 0"),
         ("track", "value = 125.5", "value = -1", "sleeper mass must be above 0, got -1"),
     ],
@@ -192,7 +192,7 @@ def test_profile_that_reaches_as_far_as_was_asked_is_enough(tmp_path: Path, sche
         return "distance_m,elevation_m\n" + "\n".join(f"{one!r},0" for one in x.tolist()) + "\n"
 
     (tmp_path / "l.csv").write_text(levels(0.0, 1.0))
-    with pytest.raises(TrackprofileError, match="is wanted from") as caught:
+    with pytest.raises(TrackprofileError, match="but the run needs") as caught:
         read_scenario(put(tmp_path, text))
     asked = re.search(r"wanted from (\S+) m to (\S+) m;", str(caught.value))
     assert asked is not None

@@ -21,10 +21,11 @@ from trackprofile.kalman.smoother import (
     smooth,
 )
 from trackprofile.kalman.time_steps import DiscretisedRun, TimeSteps, discretise_run, time_steps
+from trackprofile.models.discretisation import generator_matrix
 from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.spectrum import Spectrum, markov_process
-from trackprofile.models.statespace import StateSpace, generator_matrix, state_space
+from trackprofile.models.statespace import StateSpace, state_space
 from trackprofile.models.track import ElasticTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Body, Link, Vehicle, Wheel
 

@@ -75,7 +75,7 @@ def test_drawn_profile_has_the_standard_deviation_of_its_spectrum() -> None:
 
 
 def test_spectrum_without_a_band_is_refused() -> None:
-    with pytest.raises(ModelError, match="upper > lower > 0"):
+    with pytest.raises(ModelError, match="corner_high > corner_low > 0"):
         Spectrum("flat", 1e-6, 0.5, 0.5)
 
 
@@ -130,15 +130,15 @@ def test_the_papers_fra_amplitude_is_four_ninths_of_the_usual(number: int) -> No
     usual = read_roughness(f"fra-{number}-usual").density(np.array([0.5]))[0]
     paper = read_spectrum(f"fra-{number}")
     assert ("not verified" in paper.source) == (number < 4)
-    without_lower = paper.density(np.array([0.5]))[0] * (1 + (paper.lower / 0.5) ** 2)
+    without_lower = paper.density(np.array([0.5]))[0] * (1 + (paper.corner_low / 0.5) ** 2)
     # k = 1/4, so 16/9 of the density; Table 4 has two or three digits. The upper corners differ by 0.06 %.
     assert without_lower / usual == pytest.approx(16 / 9, rel=0.006)
 
 
 def test_the_chinese_pieces_meet() -> None:
     spectrum = power_law("china-ballastless")
-    for before, after in zip(spectrum.pieces[:-1], spectrum.pieces[1:], strict=True):
-        at = np.array([before.upper])
+    for before, after in zip(spectrum.segments[:-1], spectrum.segments[1:], strict=True):
+        at = np.array([before.end])
         assert before.density_at(at) == pytest.approx(after.density_at(at), rel=0.005)
         # Up to and including its upper end a piece is the one that counts.
         assert spectrum.density(at) == before.density_at(at)
@@ -146,7 +146,7 @@ def test_the_chinese_pieces_meet() -> None:
 
 def test_a_power_law_is_not_continued_beyond_its_band() -> None:
     sncf = power_law("sncf-good")
-    with pytest.raises(ModelError, match=r"'SNCF.*2 m to 40 m, got 25 m to 70 m; stay within"):
+    with pytest.raises(ModelError, match=r"'SNCF.*2 m to 40 m, got 25 m to 70 m; choose wavelengths"):
         sncf.standard_deviation(25, 70)
     with pytest.raises(ModelError, match="2 m to 40 m"):
         sncf.density(np.array([0.1]))
@@ -155,7 +155,7 @@ def test_a_power_law_is_not_continued_beyond_its_band() -> None:
 
 
 def test_a_power_law_can_be_no_prior() -> None:
-    with pytest.raises(ModelError, match=r"'SNCF.*no prior can be; choose.*german-low"):
+    with pytest.raises(ModelError, match=r"'SNCF.*cannot be a prior; choose.*german-low"):
         require_rational(read_roughness("sncf-good"))
     assert require_rational(FRA6) is FRA6
 
@@ -163,19 +163,19 @@ def test_a_power_law_can_be_no_prior() -> None:
 @pytest.mark.parametrize(
     ("pieces", "limits", "words"),
     [
-        ((), (1.0, 10.0), "pieces in the order"),
+        ((), (1.0, 10.0), "segments with increasing ends"),
         (
-            (SpectrumSegment(1.0, 1.0, 2.0, upper=3.0),),
+            (SpectrumSegment(1.0, 1.0, 2.0, end=3.0),),
             (1.0, 10.0),
-            "the last beyond 6.28319 rad/m",
+            "the last at least 6.28319 rad/m",
         ),
         (
             (SpectrumSegment(1.0, 1.0, 2.0), SpectrumSegment(1.0, 1.0, 2.0)),
             (1.0, 10.0),
-            "pieces in the order",
+            "segments with increasing ends",
         ),
         ((SpectrumSegment(0.0, 1.0, 2.0),), (1.0, 10.0), "above 0"),
-        ((SpectrumSegment(1.0, 1.0, 2.0, knee=0.0),), (1.0, 10.0), "above 0"),
+        ((SpectrumSegment(1.0, 1.0, 2.0, corner_frequency=0.0),), (1.0, 10.0), "above 0"),
         ((SpectrumSegment(1.0, 1.0, 2.0),), (10.0, 1.0), "0 < shortest < longest"),
     ],
 )

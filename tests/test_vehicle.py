@@ -144,11 +144,11 @@ def test_contradictions_are_refused_in_one_sentence() -> None:
         with_parameters(vehicle, {"colour": 1.0})
     with pytest.raises(ModelError, match="no body 'roof'; it has 'body'"):
         vehicle.body("roof")
-    with pytest.raises(ModelError, match="ends at 'nowhere'"):
+    with pytest.raises(ModelError, match="connects to 'nowhere'"):
         replace(vehicle, links=(replace(vehicle.links[0], lower="nowhere"), *vehicle.links[1:]))
     with pytest.raises(ModelError, match="2 parts named 'wheel 1'"):
         replace(vehicle, wheels=(vehicle.wheels[0], *vehicle.wheels))
-    with pytest.raises(ModelError, match="must be positive"):
+    with pytest.raises(ModelError, match="must be above 0"):
         replace(vehicle, bodies=(replace(vehicle.bodies[0], mass=0.0), *vehicle.bodies[1:]))
     with pytest.raises(ModelError, match="one wheel stands at 0"):
         replace(vehicle, wheels=vehicle.wheels[1:], links=())

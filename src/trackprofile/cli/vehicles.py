@@ -55,7 +55,12 @@ def show_vehicle(
                 "name": car.name,
                 "source": car.source,
                 "parameters": {
-                    one.name: {"value": values[one.name], "unit": one.unit, "spread": one.spread, "source": one.source}
+                    one.name: {
+                        "value": values[one.name],
+                        "unit": one.unit,
+                        "log_std": one.log_std,
+                        "source": one.source,
+                    }
                     for one in car.parameters
                 },
                 "modes": [
@@ -67,9 +72,9 @@ def show_vehicle(
         return
     show.say(f"{car.name}: {car.source}\n")
     show.table(
-        ("parameter", "value", "unit", "spread of its logarithm"),
+        ("parameter", "value", "unit", "std of its logarithm"),
         [
-            (one.name, f"{values[one.name]:.6g}", one.unit, f"{one.spread:g}")
+            (one.name, f"{values[one.name]:.6g}", one.unit, f"{one.log_std:g}")
             for one in car.parameters
         ],
     )

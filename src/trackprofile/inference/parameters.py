@@ -98,7 +98,7 @@ def vehicle_parameters(model: Model) -> list[ModelParameter]:
         )  # fmt: skip
 
     return [
-        one(p.name, p.unit, p.spread)
+        one(p.name, p.unit, p.log_std)
         for p in model.vehicle.parameters
         if any(field not in ROLL_FIELDS for _, field in p.used_by)
     ]
@@ -149,7 +149,7 @@ def prior_parameters(model: Model) -> list[ModelParameter]:
 
 def corner_parameter(model: Model) -> ModelParameter:
     """Where the spectrum's short waves begin to fall faster."""
-    return _field("prior knee", "rad/m", 0.7, "spectrum.upper")
+    return _field("prior knee", "rad/m", 0.7, "spectrum.corner_high")
 
 
 def load_parameter(model: Model) -> ModelParameter:

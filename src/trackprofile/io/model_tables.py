@@ -54,7 +54,7 @@ class QuantityTable(Strict):
 
 
 class ParameterTable(QuantityTable, Sourced):
-    spread: PositiveFloat = 0.5
+    log_std: PositiveFloat = 0.5
     standard_error: NonNegativeFloat | None = None
 
 
@@ -267,8 +267,8 @@ class LayeredTrackTable(Sourced):
 class SpectrumTable(Sourced):
     name: str
     amplitude: QuantityTable
-    lower: QuantityTable
-    upper: QuantityTable
+    corner_low: QuantityTable
+    corner_high: QuantityTable
 
 
 class SpatialFrequency(Strict):
@@ -293,31 +293,31 @@ class DensityTable(Strict):
         return self.value * factor / (1.0 if per == "(rad/m)" else 2 * math.pi)
 
 
-class Knee(Strict):
-    at: SpatialFrequency
-    fall: PositiveFloat
+class Corner(Strict):
+    frequency: SpatialFrequency
+    added_slope: PositiveFloat
     sharpness: PositiveFloat
 
 
 class SpectrumSegmentTable(Strict):
     density: DensityTable
-    at: SpatialFrequency
+    reference: SpatialFrequency
     slope: float
-    upper: SpatialFrequency | None = None
-    knee: Knee | None = None
+    end: SpatialFrequency | None = None
+    corner: Corner | None = None
 
 
 class PowerLawTable(Sourced):
     name: str
     shortest: QuantityTable
     longest: QuantityTable
-    piece: list[SpectrumSegmentTable] = Field(min_length=1)
+    segment: list[SpectrumSegmentTable] = Field(min_length=1)
 
 
 class AnySpectrum(BaseModel):
     """Tells whether a spectrum is one of pieces; whatever else stands there is not looked at."""
 
-    piece: list[object] | None = None
+    segment: list[object] | None = None
 
 
 class Sensors(Sourced):

@@ -198,7 +198,7 @@ def read_spectrum(name_or_path: str | Path) -> Spectrum:
 
     Examples
     --------
-    >>> read_spectrum("fra-6").upper
+    >>> read_spectrum("fra-6").corner_high
     0.825
     """
     read = read_roughness(name_or_path)
@@ -209,7 +209,7 @@ def read_spectrum(name_or_path: str | Path) -> Spectrum:
 def read_roughness(name_or_path: str | Path) -> Roughness:
     """A spectrum of track irregularity, of whatever form, to draw profiles from or compare with.
 
-    Its TOML has ``amplitude``, ``lower`` and ``upper``, or a list of ``piece``.
+    Its TOML has ``amplitude``, ``corner_low`` and ``corner_high``, or a list of ``segment``.
 
     Raises
     ------
@@ -221,15 +221,15 @@ def read_roughness(name_or_path: str | Path) -> Roughness:
     200.0
     """
     path = _find(name_or_path, "spectrum")
-    if load(path, tables.AnySpectrum).piece is not None:
+    if load(path, tables.AnySpectrum).segment is not None:
         return _power_law(path)
     read = load(path, tables.SpectrumTable)
     with _located(path):
         return Spectrum(
             read.name,
             amplitude=read.amplitude.si("roughness"),
-            lower=read.lower.si("spatial frequency"),
-            upper=read.upper.si("spatial frequency"),
+            corner_low=read.corner_low.si("spatial frequency"),
+            corner_high=read.corner_high.si("spatial frequency"),
             source=read.said,
         )
 
@@ -297,21 +297,22 @@ def _power_law(path: Path) -> PowerLaw:
     with _located(path):
         return PowerLaw(
             read.name,
-            pieces=tuple(map(_piece, read.piece)),
+            segments=tuple(map(_segment, read.segment)),
             shortest=read.shortest.si("length"),
             longest=read.longest.si("length"),
             source=read.said,
         )
 
 
-def _piece(read: tables.SpectrumSegmentTable) -> SpectrumSegment:
+def _segment(read: tables.SpectrumSegmentTable) -> SpectrumSegment:
     optional: dict[str, float] = {}
-    if read.upper is not None:
-        optional["upper"] = read.upper.si
-    if read.knee is not None:
-        optional["knee"] = read.knee.at.si
-        optional |= {"fall": read.knee.fall, "sharpness": read.knee.sharpness}
-    return SpectrumSegment(read.density.si, read.at.si, read.slope, **optional)
+    if read.end is not None:
+        optional["end"] = read.end.si
+    if read.corner is not None:
+        optional["corner_frequency"] = read.corner.frequency.si
+        optional["added_slope"] = read.corner.added_slope
+        optional["sharpness"] = read.corner.sharpness
+    return SpectrumSegment(read.density.si, read.reference.si, read.slope, **optional)
 
 
 def _vehicle(read: tables.VehicleTable) -> Vehicle:
@@ -357,7 +358,7 @@ def _shared(
     if not used_by:
         raise ModelError(f"nothing uses the parameter {name!r}; name it in a part, or remove it")
     unit = si_unit(_DIMENSIONS[used_by[0][1]])
-    return VehicleParameter(name, unit, tuple(used_by), parameter.said, parameter.spread)
+    return VehicleParameter(name, unit, tuple(used_by), parameter.said, parameter.log_std)
 
 
 def _vehicle_table(
@@ -370,7 +371,7 @@ def _vehicle_table(
             "value": values[one.name],
             "unit": si_unit(_DIMENSIONS[one.used_by[0][1]]),
             "source": "calibrated" if one.name in fitted else one.source or None,
-            "spread": one.spread,
+            "log_std": one.log_std,
             "standard_error": fitted.get(one.name, {}).get("standard_error"),
         }
         for one in vehicle.parameters

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.kalman.transition_kernels import COLUMNS, bay_transitions
+from trackprofile.models.discretisation import step_table
 from trackprofile.models.kinematics import Motion
-from trackprofile.models.statespace import StateSpace, step_table
+from trackprofile.models.statespace import StateSpace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

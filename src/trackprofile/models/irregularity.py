@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, make_interp_spline
 
 from trackprofile.errors import DataError, ModelError
+from trackprofile.models.cosine_kernels import sum_cosines
 
 Array = NDArray[np.float64]
 
@@ -212,7 +212,7 @@ class Cosines:
         if _evenly_spaced(omega):
             coefficient = self.amplitude * np.exp(1j * self.phase)
             step = (omega[-1] - omega[0]) / (len(omega) - 1)
-            _sum_evenly(distance, omega, step, coefficient.real, coefficient.imag, result)
+            sum_cosines(distance, omega, step, coefficient.real, coefficient.imag, result)
             return result
         points = max(1, _CHUNK // max(len(omega), 1))
         for first in range(0, len(distance), points):
@@ -366,35 +366,3 @@ def _evenly_spaced(omega: Array) -> bool:
         return False
     even = np.linspace(omega[0], omega[-1], len(omega))
     return bool(np.abs(even - omega).max() <= 4 * np.finfo(float).eps * np.abs(omega).max())
-
-
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _sum_evenly(x, omega, step, real, imaginary, out):  # pragma: no cover
-    """Add Re Σ c e^(iΩx) and its first two derivatives to ``out``, by rotating the phase by step·x per cosine.
-
-    Each rotation has a round-off of about ε, so that m rotations have at most m ε: 1e-13 for 1000.
-    """
-    block = 256  # fits the innermost cache and lets the inner loop be vectorised
-    c, s, turn_c, turn_s = np.empty(block), np.empty(block), np.empty(block), np.empty(block)
-    for first in range(0, len(x), block):
-        n = min(block, len(x) - first)
-        for j in range(n):
-            angle, turn = omega[0] * x[first + j], step * x[first + j]
-            c[j], s[j], turn_c[j], turn_s[j] = (
-                np.cos(angle),
-                np.sin(angle),
-                np.cos(turn),
-                np.sin(turn),
-            )
-        r, dr, ddr = out[0, first : first + n], out[1, first : first + n], out[2, first : first + n]
-        for k in range(len(omega)):
-            a, b, w = real[k], imaginary[k], omega[k]
-            for j in range(n):
-                wave = a * c[j] - b * s[j]
-                r[j] += wave
-                dr[j] -= w * (a * s[j] + b * c[j])
-                ddr[j] -= w * w * wave
-                c[j], s[j] = (
-                    c[j] * turn_c[j] - s[j] * turn_s[j],
-                    c[j] * turn_s[j] + s[j] * turn_c[j],
-                )

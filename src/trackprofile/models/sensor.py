@@ -1,4 +1,4 @@
-"""Sensors: what is measured, where on the vehicle, and with which noise."""
+"""Sensors: measured quantity, location on the vehicle, noise, and installation."""
 
 from __future__ import annotations
 
@@ -14,27 +14,31 @@ PITCH_RATE = "pitch rate"
 ROLL_RATE = "roll rate"
 UNITS = {VERTICAL_ACCELERATION: "m/s2", PITCH_RATE: "rad/s", ROLL_RATE: "rad/s"}
 
-# Wide enough for an uncalibrated MEMS part, narrow enough to keep an offset apart from the track:
-# 10 mg and 0.6 °/s (facts: zero-g and zero-rate offsets of the parts listed there).
 DEFAULT_OFFSET = {VERTICAL_ACCELERATION: 0.1, PITCH_RATE: 0.01, ROLL_RATE: 0.01}
+"""Default standard deviation of a sensor's unknown offset, m/s² or rad/s: 10 mg and 0.6 °/s.
 
-# What parts of that price do in a minute as they warm up: 0.8 mm/s² (80 µg) and 8 °/h (facts: bias instabilities and
-# temperature coefficients). At 10 m/s it takes nothing from waves up to 70 m.
+Wide enough for an uncalibrated MEMS sensor (zero-g and zero-rate offsets of common parts), and narrow enough to
+separate an offset from the track."""
+
 DEFAULT_DRIFT = {VERTICAL_ACCELERATION: 1e-4, PITCH_RATE: 5e-6, ROLL_RATE: 5e-6}
+"""Default random walk of the offset, m/s² or rad/s per √s: 0.8 mm/s² (80 µg) and 8 °/h per minute.
+
+This is what MEMS sensors drift in a minute while they warm up (bias instabilities and temperature coefficients). At
+10 m/s it does not affect wavelengths up to 70 m."""
 
 
 @dataclass(frozen=True)
 class Residual:
-    """What a vehicle's model leaves of a signal beyond noise: coloured, and as strong as the signal.
+    """Coloured model error of a sensor's signal, proportional to the signal's root mean square (RMS).
 
-    Its density has one hump, S(f) = 4ζ f0 f² σ² / (π ((f0² - f²)² + (2ζ f0 f)²)) , of variance σ² = (share · rms)²,
-    rms that of the signal.
+    Its one-sided density has one peak, S(f) = 4ζ f0 f² σ² / (π ((f0² - f²)² + (2ζ f0 f)²)), with the variance
+    σ² = (share · RMS of the signal)².
 
     Parameters
     ----------
-    share : of the signal's root mean square
-    frequency : f0, Hz, where the hump stands
-    damping : ζ, of which the hump is 2ζ f0 wide
+    share : standard deviation of the residual as a share of the signal's RMS
+    frequency : f0, frequency of the peak, Hz
+    damping : ζ, the peak is 2ζ f0 wide
     """
 
     share: float
@@ -49,27 +53,27 @@ class Residual:
 
 @dataclass(frozen=True)
 class Sensor:
-    """One measured quantity at one place of the vehicle.
+    """One sensor: the measured quantity, its location on the vehicle, and its noise.
 
     Parameters
     ----------
-    name : of the recording's channel
+    name : name of the recording's channel
     quantity : "vertical acceleration" (m/s², up), "pitch rate" (rad/s, nose-up) or "roll rate" (rad/s, left side up)
-    body : the body, or the wheel, that carries it
-    position : m ahead of that body's centre
-    lateral : m to the left of that body's middle
-    noise_density : one-sided, in m/s²/√Hz or rad/s/√Hz; None where it is not known
-    bandwidth : Hz, where the sensor's own filter cuts off; None: the sampling sets it
-    offset : standard deviation of the unknown offset at the start, m/s² or rad/s; None: a usual one
-    drift : of that offset, a random walk, m/s² or rad/s per √s; its noise exceeds the white one below
-        drift/(√2 π noise_density) Hz. None: a usual one
-    flicker : F, the root of the one-sided density F²/f of the 1/f noise at 1 Hz, m/s²/√Hz or rad/s/√Hz; the floor
-        σ of an Allan deviation ("bias instability") is √(2 ln 2) F where no other noise adds to it
-        (IEEE Std 952, annex C, there with B² = π F²). None: none is stated
+    body : name of the body or wheelset that carries the sensor
+    position : longitudinal position ahead of the body's centre, m
+    lateral : lateral position to the left of the body's centre line, m
+    noise_density : one-sided white noise density, m/s²/√Hz or rad/s/√Hz; None where unknown
+    bandwidth : cut-off frequency of the sensor's own low-pass, Hz; None: no low-pass below the sampling's
+    offset : standard deviation of the unknown offset at the start, m/s² or rad/s; None: `DEFAULT_OFFSET`
+    drift : random walk of the offset, m/s² or rad/s per √s; it exceeds the white noise below
+        drift/(√2 π noise_density) Hz. None: `DEFAULT_DRIFT`
+    flicker : F, square root of the one-sided density F²/f of the 1/f noise at 1 Hz, m/s²/√Hz or rad/s/√Hz. The
+        minimum σ of an Allan deviation ("bias instability") is √(2 ln 2) F where no other noise adds to it
+        (IEEE Std 952, annex C, there with B² = π F²). None: not stated
     gain : reading per quantity
-    tilt : rad nose-up, of an accelerometer in the vehicle's vertical plane: it reads
-        gain (cos(tilt) z̈ + sin(tilt) s̈), s̈ the train's own acceleration
-    residual : what the vehicle's model leaves of the signal; None where that is not known
+    tilt : nose-up tilt of an accelerometer in the vehicle's vertical plane, rad: it reads
+        gain (cos(tilt) z̈ + sin(tilt) s̈), where s̈ is the train's longitudinal acceleration
+    residual : coloured model error of the signal; None where unknown
 
     Examples
     --------
@@ -94,17 +98,23 @@ class Sensor:
     def __post_init__(self) -> None:
         if self.quantity not in UNITS:
             raise ModelError(
-                f"sensor {self.name!r} measures {self.quantity!r}; known are {', '.join(UNITS)}"
+                f"sensor {self.name!r}: unknown quantity {self.quantity!r}; use one of {', '.join(UNITS)}"
             )
         if self.noise_density is not None and not self.noise_density > 0:
-            raise ModelError(f"sensor {self.name!r} needs a noise density above 0 or none at all")
+            raise ModelError(
+                f"sensor {self.name!r} needs a noise density above 0, got {self.noise_density:g}; omit it if unknown"
+            )
         if self.bandwidth is not None and not self.bandwidth > 0:
-            raise ModelError(f"sensor {self.name!r} needs a bandwidth above 0 Hz or none at all")
+            raise ModelError(
+                f"sensor {self.name!r} needs a bandwidth above 0 Hz, got {self.bandwidth:g}; omit it if unknown"
+            )
         if self.drift is not None and not self.drift >= 0:
-            raise ModelError(f"sensor {self.name!r} needs a drift of at least 0 or none at all")
+            raise ModelError(
+                f"sensor {self.name!r} needs a drift of at least 0, got {self.drift:g}; omit it if unknown"
+            )
         if self.flicker is not None and not 0 <= self.flicker < np.inf:
             raise ModelError(
-                f"sensor {self.name!r} needs a flicker of at least 0 or none at all, got {self.flicker}"
+                f"sensor {self.name!r} needs a finite flicker of at least 0, got {self.flicker}; omit it if unknown"
             )
         if not (abs(self.gain) > 0 and abs(self.tilt) < 1.5):
             raise ModelError(
@@ -114,31 +124,31 @@ class Sensor:
 
     @property
     def effective_gain(self) -> float:
-        """Reading per quantity along the vehicle's axis; a tilt in that plane leaves a pitch rate as it is."""
+        """Reading per quantity: gain · cos(tilt) for an accelerometer, the gain for a rate sensor."""
         tilted = self.quantity == VERTICAL_ACCELERATION
         return float(self.gain * np.cos(self.tilt)) if tilted else self.gain
 
     @property
     def longitudinal_gain(self) -> float:
-        """Reading per longitudinal acceleration."""
+        """Reading per longitudinal acceleration: gain · sin(tilt) for an accelerometer, 0 for a rate sensor."""
         tilted = self.quantity == VERTICAL_ACCELERATION
         return float(self.gain * np.sin(self.tilt)) if tilted else 0.0
 
     @property
     def offset_standard_deviation(self) -> float:
-        """The stated spread of the offset, or the usual one of that quantity."""
+        """Standard deviation of the offset, m/s² or rad/s: the stated one or the default of the quantity."""
         return DEFAULT_OFFSET[self.quantity] if self.offset is None else self.offset
 
     @property
     def drift_rate(self) -> float:
-        """The stated drift, or the usual one of that quantity."""
+        """Random walk of the offset, m/s² or rad/s per √s: the stated one or the default of the quantity."""
         return DEFAULT_DRIFT[self.quantity] if self.drift is None else self.drift
 
 
 def sensor_noise_density(sensor: Sensor, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The one-sided power spectral density of what a sensor adds by its own statement.
+    """One-sided power spectral density of a sensor's stated noise.
 
-    S(f) = N² + F²/f + 2 D²/(2πf)², with white noise N, flicker F and drift D; what is not stated is 0.
+    S(f) = N² + F²/f + 2 D²/(2πf)², with white noise N, flicker F and drift D; a value that is not stated counts as 0.
 
     Parameters
     ----------
@@ -146,7 +156,7 @@ def sensor_noise_density(sensor: Sensor, frequency: NDArray[np.float64]) -> NDAr
 
     Returns
     -------
-    of that shape, (m/s²)²/Hz or (rad/s)²/Hz
+    same shape, (m/s²)²/Hz or (rad/s)²/Hz
 
     Examples
     --------
@@ -162,12 +172,12 @@ def sensor_noise_density(sensor: Sensor, frequency: NDArray[np.float64]) -> NDAr
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How sure a calibration is of its parameters.
+    """Covariance of calibrated parameters.
 
     Parameters
     ----------
-    names : of the p parameters
-    covariance : (p, p), of their logarithms; of the values themselves where they may be negative
+    names : names of the p parameters
+    covariance : (p, p), of their logarithms, or of the values themselves where these may be negative
     """
 
     names: tuple[str, ...]
@@ -176,16 +186,16 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class Installation:
-    """How sensors sit on a vehicle, and what its model leaves unexplained, as a calibration finds it.
+    """Calibrated installation of the sensors on a vehicle, and the model error of the vehicle.
 
     Parameters
     ----------
-    origin : m by which the leading wheel stands ahead of the recorded distance
-    sensors : calibrated sensors; each replaces what a recording says of the channel with its quantity and body
-    unmodelled : root mean square of the first body's unmodelled acceleration, as a share of what is measured there;
+    origin : distance of the leading wheel ahead of the recorded distance, m
+    sensors : calibrated sensors; each replaces the recording's description of the channel with its quantity and body
+    unmodelled : root mean square of the first body's unmodelled acceleration, as a share of the measured one;
         None where unknown
-    distance_scale : true per recorded distance: the wheel's diameter over the one that the odometer assumes
-    uncertainty : of the vehicle's and these parameters; None where nothing is known of it
+    distance_scale : true per recorded distance: wheel diameter over the diameter that the odometer assumes
+    uncertainty : covariance of the vehicle's and these parameters; None where unknown
     """
 
     origin: float = 0.0

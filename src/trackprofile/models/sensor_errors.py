@@ -1,4 +1,4 @@
-"""Instruments: what a real sensor makes of the exact quantity that it should measure."""
+"""Sensor errors: the reading of a real sensor, given the exact quantity."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from trackprofile.units import STANDARD_GRAVITY
 Array = NDArray[np.float64]
 
 ANTI_ALIAS_SHARE = 0.25
-"""Bandwidth of an anti-alias filter as a share of the sampling rate; digital parts such as ADXL355 keep it."""
+"""Bandwidth of an anti-alias filter as a share of the sampling rate, as in digital sensors such as the ADXL355."""
 
 MULTIPLE_TOLERANCE = 1e-6
-"""How far from a whole number of steps a sampling interval may be, as a share of one step."""
+"""Maximum deviation of a sampling interval from a whole number of steps, as a share of one step."""
 
 
 @dataclass(frozen=True)
 class Instrument:
-    """A sensor with what else a data sheet says of it.
+    """A sensor with the further properties of its data sheet, for simulation.
 
-    White noise, flicker, drift, offset and bandwidth are those of its :class:`Sensor`, so that who simulates it and
-    who infers from it speak of the same numbers. All are of the reading: neither gain nor misalignment scales noise.
+    White noise, flicker, drift, offset and bandwidth are those of its :class:`Sensor`, so that simulation and
+    inference use the same numbers. All refer to the reading: neither gain nor misalignment scales the noise.
 
     Parameters
     ----------
-    sensor : what is measured, where, with which noise, drift, offset and bandwidth
-    resolution : step of the reading, m/s² or rad/s; 0: it has none
-    range : the largest reading of either sign, gravity not counted, m/s² or rad/s; None: any
-    misalignment : ε, between the sensor's axis and the vehicle's, rad
+    sensor : quantity, location, noise, drift, offset and bandwidth
+    resolution : quantisation step of the reading, m/s² or rad/s; 0: not quantised
+    range : maximum absolute reading, without gravity, m/s² or rad/s; None: unlimited
+    misalignment : ε, angle between the sensor's axis and the vehicle's, rad
     gain : reading per quantity
-    source : where the numbers come from
+    source : source of the numbers
 
     Examples
     --------
@@ -56,16 +56,16 @@ class Instrument:
     def __post_init__(self) -> None:
         numbers = {
             "a resolution of at least 0": (self.resolution, 0 <= self.resolution < np.inf),
-            "a range above 0, or none at all": (self.range, self.range is None or self.range > 0),
+            "a range above 0, or no range": (self.range, self.range is None or self.range > 0),
             "a misalignment within π/2 rad": (
                 self.misalignment,
                 abs(self.misalignment) < np.pi / 2,
             ),
             "a finite gain other than 0": (self.gain, np.isfinite(self.gain) and self.gain != 0),
         }
-        for expected, (found, holds) in numbers.items():
-            if not holds:
-                raise ModelError(f"sensor {self.sensor.name!r} needs {expected}, got {found}")
+        for expected, (value, valid) in numbers.items():
+            if not valid:
+                raise ModelError(f"sensor {self.sensor.name!r} needs {expected}, got {value}")
 
 
 def measure(
@@ -75,28 +75,28 @@ def measure(
     sampling_interval: float,
     generator: np.random.Generator,
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """What the instrument reads of an exact quantity, and which of its samples can be used.
+    """Readings of an instrument for an exact quantity, and their validity.
 
-    y_k = quantised(clipped(h * u(t_k) + noise_k)), u = gain · a cos ε, for a vertical acceleration
-    gain · (a cos ε + g (cos ε - 1)), and h the Butterworth low-pass of the sensor's bandwidth. A stated offset of
-    the sensor is drawn once and is where its drift starts. All noise is drawn whatever its size, so that one
-    seed gives instruments that differ in a number the same noise but for that number.
+    y_k = quantised(clipped(h * u(t_k) + noise_k)) with u = gain · a cos ε, or gain · (a cos ε + g (cos ε - 1)) for a
+    vertical acceleration, and h the Butterworth low-pass of the sensor's bandwidth. A stated offset of the sensor is
+    drawn once; the drift starts from it. Every kind of noise is drawn even if its size is 0, so that one seed gives
+    the same random numbers to instruments that differ in a parameter.
 
     Parameters
     ----------
-    exact : (steps,), m/s² or rad/s, from the first sample on
-    interval : between its steps, s
-    sampling_interval : a whole multiple of it, s
-    generator : of the noise
+    exact : (steps,), m/s² or rad/s, starting at the first sample
+    interval : time between the steps of ``exact``, s
+    sampling_interval : time between samples, a whole multiple of ``interval``, s
+    generator : random generator of the noise
 
     Returns
     -------
-    values (samples,), m/s² or rad/s, and valid (samples,), False where the range was exceeded;
+    values (samples,), m/s² or rad/s, and valid (samples,), False where the range is exceeded;
     samples = ⌈steps / multiple⌉
 
     Raises
     ------
-    DataError : the sampling interval is no whole multiple, or the quantity no row of finite numbers.
+    DataError : the sampling interval is not a whole multiple, or ``exact`` is not a row of finite numbers.
 
     Examples
     --------
@@ -106,8 +106,8 @@ def measure(
     (array([0.  , 0.25, 1.  ]), array([ True,  True, False]))
     """
     every = _multiple(interval, sampling_interval)
-    felt = _felt(instrument, _row(exact))
-    sampled = _low_passed(felt, instrument.sensor.bandwidth, interval)[::every]
+    along_axis = _along_sensor_axis(instrument, _checked_row(exact))
+    sampled = _low_passed(along_axis, instrument.sensor.bandwidth, interval)[::every]
     reading = sampled + instrument_noise(instrument, len(sampled), sampling_interval, generator)
     largest = np.inf if instrument.range is None else instrument.range
     values = _quantised(np.clip(reading, -largest, largest), instrument.resolution)
@@ -117,7 +117,7 @@ def measure(
 def instrument_noise(
     instrument: Instrument, count: int, sampling_interval: float, generator: np.random.Generator
 ) -> Array:
-    """What the instrument adds to ``count`` samples: white noise, flicker, and a drifting offset, sensor's unit.
+    """Noise of ``count`` samples: white noise, flicker and an offset with drift, (count,), m/s² or rad/s.
 
     Examples
     --------
@@ -126,7 +126,7 @@ def instrument_noise(
     array([0., 0.])
     """
     sensor = instrument.sensor
-    # Half the sampling rate times the one-sided density is the variance of white samples.
+    # The variance of white samples is half the sampling rate times the one-sided density.
     white = np.sqrt(0.5 / sampling_interval) * generator.standard_normal(count)
     pink = _pink(count, sampling_interval, generator)
     steps = generator.standard_normal(count)
@@ -138,10 +138,10 @@ def instrument_noise(
 def instrument_noise_density(
     instrument: Instrument, frequency: Array, sampling_interval: float
 ) -> Array:
-    """The one-sided power spectral density of what `measure` adds to the exact quantity.
+    """One-sided power spectral density of the noise that `measure` adds to the exact quantity.
 
     S(f) = N² + F²/f + 2 D²/(2πf)² + (q²/12) 2 Δt, with the white noise N, flicker F, drift D and resolution q. The
-    last holds where the reading crosses many steps (Widrow, Kollár 2008); offset and what is aliased are left out.
+    last term holds where the reading crosses many steps (Widrow, Kollár 2008). The offset and aliasing are neglected.
 
     Parameters
     ----------
@@ -150,7 +150,11 @@ def instrument_noise_density(
 
     Returns
     -------
-    of that shape, (m/s²)²/Hz or (rad/s)²/Hz
+    same shape, (m/s²)²/Hz or (rad/s)²/Hz
+
+    Raises
+    ------
+    DataError : a frequency is not above 0.
 
     Examples
     --------
@@ -161,7 +165,7 @@ def instrument_noise_density(
     f = np.asarray(frequency, np.float64)
     if not np.all(f > 0):
         raise DataError(
-            f"Noise density: expected frequencies above 0 Hz, got {np.min(f):g}; leave that one out."
+            f"Noise density: expected frequencies above 0 Hz, got {np.min(f):g} Hz; remove that frequency."
         )
     return (
         sensor_noise_density(instrument.sensor, f)
@@ -170,9 +174,9 @@ def instrument_noise_density(
 
 
 def with_anti_alias_filter(instrument: Instrument, sampling_interval: float) -> Instrument:
-    """The same instrument, with a bandwidth of at most a quarter of its sampling rate.
+    """The same instrument with a bandwidth of at most a quarter of the sampling rate.
 
-    It stands in the sensor, where the inference sees it too.
+    The bandwidth is set in the sensor, so that the inference takes it into account too.
 
     Examples
     --------
@@ -186,28 +190,28 @@ def with_anti_alias_filter(instrument: Instrument, sampling_interval: float) -> 
 
 
 def _multiple(interval: float, sampling_interval: float) -> int:
-    """How many steps there are from one sample to the next."""
+    """Number of steps per sampling interval."""
     ratio = sampling_interval / interval if interval > 0 else np.nan
     if not (0.5 < ratio < np.inf and abs(ratio - round(ratio)) <= MULTIPLE_TOLERANCE):
         raise DataError(
-            f"Sampling: expected a whole multiple of the interval of {interval:g} s, got "
-            f"{sampling_interval:g} s; choose an interval that divides it."
+            f"Sampling interval: expected a whole multiple of the step of {interval:g} s, got "
+            f"{sampling_interval:g} s; choose a step that divides it."
         )
     return round(ratio)
 
 
-def _row(exact: Array) -> Array:
+def _checked_row(exact: Array) -> Array:
     row = np.asarray(exact, np.float64)
     if row.ndim != 1 or not row.size or not np.all(np.isfinite(row)):
         raise DataError(
             f"Exact quantity: expected a row of finite numbers, got shape {row.shape} with "
-            f"{np.count_nonzero(~np.isfinite(row))} that are not; give one sensor's at a time."
+            f"{np.count_nonzero(~np.isfinite(row))} values that are not finite; give the values of one sensor."
         )
     return row
 
 
-def _felt(instrument: Instrument, exact: Array) -> Array:
-    """What acts along the sensor's own axis; gravity is taken out as if that axis were upright."""
+def _along_sensor_axis(instrument: Instrument, exact: Array) -> Array:
+    """The quantity along the sensor's own axis; gravity is subtracted as if that axis were vertical."""
     cosine = np.cos(instrument.misalignment)
     upright = instrument.sensor.quantity == VERTICAL_ACCELERATION
     gravity = STANDARD_GRAVITY if upright else 0.0
@@ -215,7 +219,7 @@ def _felt(instrument: Instrument, exact: Array) -> Array:
 
 
 def _low_passed(signal: Array, bandwidth: float | None, interval: float) -> Array:
-    """Behind ω²/(s² + √2 ω s + ω²), exactly for a signal straight between its steps, settled at its start."""
+    """The signal after ω²/(s² + √2 ω s + ω²): exact for linear interpolation, in steady state at the start."""
     if bandwidth is None:
         return signal
     rate = 2 * np.pi * bandwidth
@@ -227,17 +231,17 @@ def _low_passed(signal: Array, bandwidth: float | None, interval: float) -> Arra
 
 
 def _pink(count: int, sampling_interval: float, generator: np.random.Generator) -> Array:
-    """Noise of the one-sided density 1/f, 1/Hz, from half the lowest frequency of that duration on, without mean.
+    """Zero-mean noise of the one-sided density 1/f, 1/Hz, down to half the lowest frequency of the duration.
 
-    The first half of a series twice as long: one drawn to length would end where it began.
+    It is the first half of a periodic series of twice the length, which need not end where it begins.
     """
-    drawn = next_fast_len(2 * count, real=True)
-    white = np.sqrt(0.5 / sampling_interval) * generator.standard_normal(drawn)
-    frequency = rfftfreq(drawn, sampling_interval)
+    length = next_fast_len(2 * count, real=True)
+    white = np.sqrt(0.5 / sampling_interval) * generator.standard_normal(length)
+    frequency = rfftfreq(length, sampling_interval)
     waves = np.asarray(rfft(white))
     waves[0] = 0.0
     waves[1:] /= np.sqrt(frequency[1:])
-    return np.asarray(irfft(waves, drawn), np.float64)[:count]
+    return np.asarray(irfft(waves, length), np.float64)[:count]
 
 
 def _quantised(values: Array, step: float) -> Array:

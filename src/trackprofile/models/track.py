@@ -1,4 +1,4 @@
-"""What a wheel stands on: a rigid path, a spring and damper, or rail, pads, sleepers and ballast."""
+"""Track models: a rigid path, a point track (spring, damper, mass per wheel), or a layered track."""
 
 from __future__ import annotations
 
@@ -20,12 +20,14 @@ class RigidTrack:
 
 @dataclass(frozen=True)
 class Coupling:
-    """How the rail hands one wheel's load on to another, at some distances; in between by a spline, outside not.
+    """Coupling of two wheels through the rail, tabulated over their distance.
+
+    Values between the tabulated distances follow from a cubic spline; outside their range there is no coupling.
 
     Parameters
     ----------
-    distance : (n,), m between two wheels, rising
-    stiffness, damping, mass : (n,), N/m, N s/m and kg, which a wheel feels of the other's deflection
+    distance : (n,), distance between two wheels, increasing, m
+    stiffness, damping, mass : (n,), off-diagonal terms of the two wheels, N/m, N s/m and kg
     """
 
     distance: tuple[float, ...]
@@ -36,14 +38,15 @@ class Coupling:
 
 @dataclass(frozen=True)
 class ElasticTrack:
-    """Each wheel stands on k_t + c_t d/dt + m_t d²/dt², fitted to the track's receptance at low frequency.
+    """A point track k_t + c_t d/dt + m_t d²/dt² under each wheel, fitted to the track's receptance at low frequency.
 
     Parameters
     ----------
     stiffness : k_t per wheel, N/m
     damping : c_t per wheel, N s/m
-    mass : m_t per wheel, kg, that moves as the rail deflects
-    coupling : between wheels; None: each stands by itself
+    source : source of the numbers
+    mass : m_t per wheel, the mass that moves with the rail, kg
+    coupling : coupling between wheels; None: none
 
     Examples
     --------
@@ -60,13 +63,21 @@ class ElasticTrack:
     def __post_init__(self) -> None:
         if not self.stiffness > 0 or self.damping < 0 or self.mass < 0:
             raise ModelError(
-                "a track needs stiffness above 0, damping and mass of at least 0, got "
+                "an elastic track needs a stiffness above 0, and damping and mass of at least 0, got "
                 f"{self.stiffness} N/m, {self.damping} N s/m and {self.mass} kg"
             )
 
 
 def wheel_matrices(track: ElasticTrack, positions: Array) -> Array:
-    """[K_t, C_t, M_t] of the wheels at ``positions`` m, (3, wheels, wheels), in N/m, N s/m and kg.
+    """Stiffness, damping and mass matrices of an elastic track under wheels at given positions.
+
+    Parameters
+    ----------
+    positions : (wheels,), m
+
+    Returns
+    -------
+    [K_t, C_t, M_t], (3, wheels, wheels), N/m, N s/m and kg
 
     Examples
     --------
@@ -74,20 +85,20 @@ def wheel_matrices(track: ElasticTrack, positions: Array) -> Array:
     array([[80000000.,        0.],
            [       0., 80000000.]])
     """
-    alone = np.array([track.stiffness, track.damping, track.mass])
-    matrices = np.multiply.outer(alone, np.eye(len(positions)))
+    own = np.array([track.stiffness, track.damping, track.mass])
+    matrices = np.multiply.outer(own, np.eye(len(positions)))
     if track.coupling is not None:
-        one = track.coupling
-        apart = np.abs(positions[:, None] - positions)
-        near = (apart >= one.distance[0]) & (apart <= one.distance[-1])
-        values = np.stack([one.stiffness, one.damping, one.mass], axis=1)
-        matrices[:, near] = CubicSpline(one.distance, values)(apart[near]).T
+        table = track.coupling
+        distance = np.abs(positions[:, None] - positions)
+        coupled = (distance >= table.distance[0]) & (distance <= table.distance[-1])
+        values = np.stack([table.stiffness, table.damping, table.mass], axis=1)
+        matrices[:, coupled] = CubicSpline(table.distance, values)(distance[coupled]).T
     return np.asarray(matrices, np.float64)
 
 
 @dataclass(frozen=True)
 class Support:
-    """What holds the rail at one sleeper, of half the track.
+    """Support of the rail at one sleeper, for half the track (one rail).
 
     Parameters
     ----------
@@ -111,9 +122,9 @@ class Support:
         for name in SUPPORT_FIELDS:
             value, damping = getattr(self, name), name.endswith("damping")
             if not (np.isfinite(value) and value >= 0) or (value == 0 and not damping):
-                least = "at least" if damping else "above"
+                bound = "at least" if damping else "above"
                 raise ModelError(
-                    f"support: {name.replace('_', ' ')} must be {least} 0, got {value:g}"
+                    f"support: {name.replace('_', ' ')} must be {bound} 0, got {value:g}"
                 )
 
 
@@ -121,12 +132,19 @@ SUPPORT_FIELDS = (
     "pad_stiffness", "pad_damping", "sleeper_mass", "ballast_stiffness", "ballast_damping",
     "ballast_mass", "subballast_stiffness", "subballast_damping",
 )  # fmt: skip
-"""In the order of the columns that the kernels take."""
+"""Fields of `Support` in the order of the columns that the kernels expect."""
 
 
 @dataclass(frozen=True)
 class SupportChange:
-    """One number of the supports, multiplied from ``start`` to ``end``, m: a soft spot, a hanging sleeper."""
+    """A local change of the supports, such as a soft spot or a hanging sleeper.
+
+    Parameters
+    ----------
+    field : name of the changed field of `Support`
+    factor : factor on that field
+    start, end : distances between which the factor applies, m
+    """
 
     field: str
     factor: float
@@ -136,7 +154,7 @@ class SupportChange:
     def __post_init__(self) -> None:
         if self.field not in SUPPORT_FIELDS:
             raise ModelError(
-                f"a change of the track names {self.field!r}; supports have {', '.join(SUPPORT_FIELDS)}"
+                f"a change of the track has the unknown field {self.field!r}; use one of {', '.join(SUPPORT_FIELDS)}"
             )
         if not (self.factor >= 0 and self.end > self.start):
             raise ModelError(
@@ -147,19 +165,20 @@ class SupportChange:
 
 @dataclass(frozen=True)
 class LayeredTrack:
-    """Rail on pads, sleepers, ballast and sub-ballast (theory, section 3); half a track under one rail.
+    """Rail on pads, sleepers, ballast and sub-ballast (theory, section 3), for half the track (one rail).
 
-    The rail is an Euler-Bernoulli beam with one Hermite element per sleeper bay. Sleepers stand at the multiples
+    The rail is an Euler-Bernoulli beam with one Hermite element per sleeper bay. Sleepers lie at the multiples
     of ``spacing``.
 
     Parameters
     ----------
-    name : what it is called
+    name : name of the track
     rail_bending_stiffness : EI, N m²
-    rail_mass : per metre, kg/m
-    spacing : of the sleepers, m
-    support : of every sleeper that no change concerns
-    changes : where supports differ
+    rail_mass : mass per length, kg/m
+    spacing : sleeper spacing, m
+    support : support at every sleeper without a change
+    changes : local changes of the supports
+    source : source of the numbers
 
     Examples
     --------
@@ -188,23 +207,26 @@ class LayeredTrack:
 
 
 PointTrack = RigidTrack | ElasticTrack
-"""What gives way only under the wheel itself: what the state space takes."""
+"""Tracks described under each wheel only, which the state-space model takes."""
 
 Track = PointTrack | LayeredTrack
 
 
 def support_table(track: LayeredTrack, first: int, count: int) -> Array:
-    """The supports of ``count`` sleepers from number ``first`` on, (count, 8), in the order of SUPPORT_FIELDS."""
+    """Supports of ``count`` sleepers from sleeper ``first`` on, (count, 8), columns in the order of SUPPORT_FIELDS."""
     table = np.tile([getattr(track.support, name) for name in SUPPORT_FIELDS], (count, 1))
-    place = track.spacing * np.arange(first, first + count)
+    position = track.spacing * np.arange(first, first + count)
     for change in track.changes:
-        inside = (place >= change.start) & (place <= change.end)
+        inside = (position >= change.start) & (position <= change.end)
         table[inside, SUPPORT_FIELDS.index(change.field)] *= change.factor
     return table.astype(np.float64)
 
 
 def beam_element(track: LayeredTrack) -> tuple[Array, Array]:
-    """Stiffness and consistent mass of one bay of rail, (4, 4) each, on deflection and slope of its ends."""
+    """Stiffness and consistent mass matrices of one bay of rail, (4, 4) each.
+
+    The degrees of freedom are deflection (m) and slope (rad) of the first end, then of the second.
+    """
     h = track.spacing
     bending = np.array(
         [

@@ -1,8 +1,8 @@
-"""Vehicles: any planar multibody, described by bodies, links and wheels, assembled into M, C and K.
+"""Vehicles: planar multibody models of bodies, links and wheels, assembled into M, C and K.
 
-Positions are distances behind the leading wheel, in m, so that a body centred at ``position`` stands
-at s - position when the leading wheel stands at s. Up is positive; pitch is positive nose-up. Stiffness and damping
-are those of both sides together. What only roll needs is optional: see :mod:`trackprofile.models.roll`.
+Positions are distances behind the leading wheel in m: a body with the centre at ``position`` is at s - position when
+the leading wheel is at s. Up is positive; pitch is positive nose-up. Stiffness and damping are those of both sides
+together. Parameters that only roll needs are optional: see :mod:`trackprofile.models.roll`.
 """
 
 from __future__ import annotations
@@ -22,14 +22,20 @@ HEAVE = "heave"
 PITCH = "pitch"
 
 ROLL_FIELDS = frozenset({"roll_inertia", "semi_spacing", "roll_stiffness"})
-"""Fields of parts that heave and pitch do not feel."""
+"""Fields of parts that affect roll only."""
 
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body: mass in kg, pitch inertia in kg m² (None: it only heaves), position in m.
+    """A rigid body.
 
-    ``roll_inertia`` in kg m²; None where nobody knows it.
+    Parameters
+    ----------
+    name : name of the body
+    mass : kg
+    pitch_inertia : kg m²; None: the body heaves only
+    position : distance of its centre behind the leading wheel, m
+    roll_inertia : kg m²; None where unknown
     """
 
     name: str
@@ -41,9 +47,14 @@ class Body:
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheelset: mass in kg (0 where it belongs to the body above), position in m.
+    """A wheelset.
 
-    ``roll_inertia`` in kg m²; None where nobody knows it.
+    Parameters
+    ----------
+    name : name of the wheelset
+    mass : kg; 0 where it is included in the mass of the body above
+    position : distance behind the leading wheel, m
+    roll_inertia : kg m²; None where unknown
     """
 
     name: str
@@ -54,10 +65,17 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Link:
-    """A vertical spring (N/m) and damper (N s/m) side by side, between two named parts.
+    """A vertical spring and damper in parallel between two parts.
 
-    One half of each stands ``semi_spacing`` m to the left of the middle, the other to the right; None where nobody
-    knows. ``roll_stiffness`` in N m/rad is what an anti-roll bar adds.
+    Parameters
+    ----------
+    name : name of the link
+    upper, lower : names of the parts above and below
+    position : distance behind the leading wheel, m
+    stiffness : both sides together, N/m
+    damping : both sides together, N s/m
+    semi_spacing : lateral distance of each side's spring and damper from the centre line, m; None where unknown
+    roll_stiffness : stiffness of an anti-roll bar, N m/rad
     """
 
     name: str
@@ -75,28 +93,46 @@ Part = TypeVar("Part", Body, Wheel, Link)
 
 @dataclass(frozen=True)
 class VehicleParameter:
-    """A named number of a vehicle, with its unit and source, and the fields that take it.
+    """A named parameter of a vehicle, with its unit, its source and the fields that share its value.
 
-    ``used_by`` holds pairs (part, field), so that one suspension stiffness serves all its springs. ``spread`` is
-    how well the value is known: the standard deviation of its logarithm.
+    Parameters
+    ----------
+    name : such as "primary stiffness"
+    unit : unit in which files and tables state the value
+    used_by : pairs (part, field) that have this value, so that one suspension stiffness serves all its springs
+    source : source of the value
+    log_std : prior standard deviation of the value's logarithm
     """
 
     name: str
     unit: str
     used_by: tuple[tuple[str, str], ...]
     source: str = ""
-    spread: float = 0.5
+    log_std: float = 0.5
 
     def __post_init__(self) -> None:
-        if not self.spread > 0:
-            raise ModelError(f"parameter {self.name!r} needs a spread above 0, got {self.spread:g}")
+        if not self.log_std > 0:
+            raise ModelError(
+                f"parameter {self.name!r} needs a log_std above 0, got {self.log_std:g}"
+            )
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """Bodies, links and wheels; see :func:`assemble` for the equations that they stand for.
+    """A vehicle of bodies, links and wheels; see :func:`assemble` for its equations of motion.
 
-    ``contact_spacing`` in m is from where the left wheels touch their rail to where the right ones do.
+    Parameters
+    ----------
+    name : name of the vehicle
+    bodies, links, wheels : its parts; names are unique
+    source : source of the numbers
+    parameters : named parameters, which a calibration can change
+    contact_spacing : lateral distance between the contact points of a wheelset's wheels, m
+
+    Raises
+    ------
+    ModelError
+        Where parts contradict each other: equal names, a link to a missing part, a mass that is not above 0.
 
     Examples
     --------
@@ -124,7 +160,7 @@ class Vehicle:
         return max(wheel.position for wheel in self.wheels)
 
     def body(self, name: str) -> Body:
-        """The body of that name; ModelError lists the names there are."""
+        """The body with a given name; raises ModelError with the known names where there is none."""
         for body in self.bodies:
             if body.name == name:
                 return body
@@ -134,9 +170,12 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Assembly:
-    """Mass, damping and stiffness matrices over named degrees of freedom.
+    """Mass, damping and stiffness matrices of M q̈ + C q̇ + K q = f, with q in m and rad.
 
-    M q̈ + C q̇ + K q = f, with q in m and rad; ``degrees_of_freedom`` names each row.
+    Parameters
+    ----------
+    degrees_of_freedom : (part, motion) of each row
+    mass, damping, stiffness : M, C and K, (n, n)
     """
 
     degrees_of_freedom: tuple[tuple[str, str], ...]
@@ -145,15 +184,15 @@ class Assembly:
     stiffness: Array
 
     def index(self, part: str, motion: str) -> int:
-        """The row of one part's heave or pitch."""
+        """Index of a part's heave or pitch."""
         return self.degrees_of_freedom.index((part, motion))
 
 
 def assemble(vehicle: Vehicle) -> Assembly:
-    """Assemble M, C and K of a vehicle whose wheels are free, in the order bodies, wheels.
+    """Assemble M, C and K of a vehicle with free wheels; degrees of freedom in the order bodies, wheels.
 
-    Each link stretches by b·q and adds k b bᵀ to K and c b bᵀ to C (theory, section 2). Gravity is
-    left out: q is measured from the static equilibrium.
+    A link's elongation is b·q; it adds k b bᵀ to K and c b bᵀ to C (theory, section 2). Gravity is not
+    included: q is measured from the static equilibrium.
     """
     freedoms = _degrees_of_freedom(vehicle)
     n = len(freedoms)
@@ -171,7 +210,7 @@ def assemble(vehicle: Vehicle) -> Assembly:
 def displacement_row(
     vehicle: Vehicle, freedoms: tuple[tuple[str, str], ...], part: str, position: float
 ) -> Array:
-    """The row b with b·q = upward displacement of ``part`` at ``position`` m behind the leading wheel."""
+    """The row b (n,) with b·q = upward displacement of ``part`` at ``position`` m behind the leading wheel."""
     row = np.zeros(len(freedoms))
     row[freedoms.index((part, HEAVE))] = 1.0
     if (part, PITCH) in freedoms:
@@ -180,24 +219,30 @@ def displacement_row(
 
 
 def parameter_values(vehicle: Vehicle) -> dict[str, float]:
-    """The vehicle's named parameters and their values, in SI.
+    """The vehicle's named parameters and their values, in SI units.
 
     Raises
     ------
     ModelError
-        Where two fields that share a parameter differ.
+        Where fields that share a parameter have different values.
     """
     values: dict[str, float] = {}
     for parameter in vehicle.parameters:
-        found = {getattr(_part(vehicle, part), name) for part, name in parameter.used_by}
-        if len(found) != 1:
-            raise ModelError(f"parameter {parameter.name!r} stands for different values {found}")
-        values[parameter.name] = float(found.pop())
+        distinct = {getattr(_part(vehicle, part), name) for part, name in parameter.used_by}
+        if len(distinct) != 1:
+            raise ModelError(
+                f"parameter {parameter.name!r} is used by fields of different values {distinct}"
+            )
+        values[parameter.name] = float(distinct.pop())
     return values
 
 
 def with_parameters(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     """The same vehicle with some of its named parameters changed.
+
+    Parameters
+    ----------
+    values : new values by parameter name, SI units
 
     Raises
     ------
@@ -221,7 +266,7 @@ def with_parameters(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
 
 
 def reversed_vehicle(vehicle: Vehicle) -> Vehicle:
-    """The same vehicle with its last wheel leading: positions count from there.
+    """The same vehicle running in the opposite direction: its last wheel leads.
 
     Examples
     --------
@@ -231,14 +276,14 @@ def reversed_vehicle(vehicle: Vehicle) -> Vehicle:
     ([('rear', 0.0), ('front', 9.0)], 7.0)
     """
 
-    def turned(part: Part) -> Part:
+    def reverse(part: Part) -> Part:
         return replace(part, position=vehicle.length - part.position)
 
     return replace(
         vehicle,
-        bodies=tuple(turned(one) for one in vehicle.bodies),
-        links=tuple(turned(one) for one in vehicle.links),
-        wheels=tuple(sorted(map(turned, vehicle.wheels), key=lambda one: one.position)),
+        bodies=tuple(reverse(one) for one in vehicle.bodies),
+        links=tuple(reverse(one) for one in vehicle.links),
+        wheels=tuple(sorted(map(reverse, vehicle.wheels), key=lambda one: one.position)),
     )
 
 
@@ -252,10 +297,10 @@ def _degrees_of_freedom(vehicle: Vehicle) -> tuple[tuple[str, str], ...]:
 
 
 def _inertia(vehicle: Vehicle, part: str, motion: str) -> float:
-    found = _part(vehicle, part)
-    if motion == PITCH and isinstance(found, Body) and found.pitch_inertia is not None:
-        return found.pitch_inertia
-    return found.mass if isinstance(found, Body | Wheel) else 0.0
+    one = _part(vehicle, part)
+    if motion == PITCH and isinstance(one, Body) and one.pitch_inertia is not None:
+        return one.pitch_inertia
+    return one.mass if isinstance(one, Body | Wheel) else 0.0
 
 
 def _part(vehicle: Vehicle, name: str) -> Body | Link | Wheel:
@@ -273,31 +318,40 @@ def _check(vehicle: Vehicle) -> None:
             raise ModelError(f"{where} has {names.count(name)} parts named {name!r}; rename them")
     if not vehicle.bodies or not vehicle.wheels:
         raise ModelError(f"{where} needs at least one body and one wheel")
-    if min(wheel.position for wheel in vehicle.wheels) != 0.0:
+    first = min(wheel.position for wheel in vehicle.wheels)
+    if first != 0.0:
         raise ModelError(
-            f"{where}: positions count from the leading wheel, so one wheel stands at 0"
+            f"{where}: positions count from the leading wheel, which must be at 0 m, got {first:g} m"
         )
     for body in vehicle.bodies:
         if not body.mass > 0 or (body.pitch_inertia is not None and not body.pitch_inertia > 0):
-            raise ModelError(f"{where}: mass and pitch inertia of {body.name!r} must be positive")
+            raise ModelError(f"{where}: mass and pitch inertia of {body.name!r} must be above 0")
     if not vehicle.contact_spacing > 0:
-        raise ModelError(f"{where}: its wheels' contacts must stand more than 0 m apart")
+        raise ModelError(
+            f"{where}: contact_spacing must be above 0 m, got {vehicle.contact_spacing:g} m"
+        )
     for part in (*vehicle.bodies, *vehicle.wheels):
         if part.roll_inertia is not None and not part.roll_inertia > 0:
             raise ModelError(
-                f"{where}: roll inertia of {part.name!r} must be positive, or left out"
+                f"{where}: roll inertia of {part.name!r} must be above 0; omit it if unknown"
             )
+    _check_links(vehicle, where)
+
+
+def _check_links(vehicle: Vehicle, where: str) -> None:
     ends = [part.name for part in (*vehicle.bodies, *vehicle.wheels)]
     for link in vehicle.links:
         for end in (link.upper, link.lower):
             if end not in ends:
-                raise ModelError(f"{where}: link {link.name!r} ends at {end!r}, which is no part")
+                raise ModelError(
+                    f"{where}: link {link.name!r} connects to {end!r}, which is neither a body nor a wheel"
+                )
         if link.stiffness < 0 or link.damping < 0:
             raise ModelError(
                 f"{where}: link {link.name!r} needs stiffness and damping of at least 0"
             )
         if link.roll_stiffness < 0 or (link.semi_spacing is not None and not link.semi_spacing > 0):
             raise ModelError(
-                f"{where}: link {link.name!r} needs a semi-spacing above 0 m, or none, and a roll stiffness of at "
-                "least 0"
+                f"{where}: link {link.name!r} needs a semi-spacing above 0 m, or none if unknown, and a roll stiffness "
+                "of at least 0"
             )

@@ -84,8 +84,8 @@ def _table_4() -> PageSection:
         spectrum = read_spectrum(f"fra-{grade}")
         rows += [
             (f"class {grade}", "A_v, m² rad/m", amplitude, spectrum.amplitude),
-            (f"class {grade}", "Ω_r, rad/m", 2.06e-2, spectrum.lower),
-            (f"class {grade}", "Ω_c, rad/m", 0.825, spectrum.upper),
+            (f"class {grade}", "Ω_r, rad/m", 2.06e-2, spectrum.corner_low),
+            (f"class {grade}", "Ω_c, rad/m", 0.825, spectrum.corner_high),
         ]
     text = (
         "The paper prints rad/s for Ω_r and Ω_c, and no unit for A_v; they are rad/m and m² rad/m. S(Ω) is taken as "
