@@ -169,7 +169,9 @@ def test_a_vehicle_with_roll_is_written_and_read_back(tmp_path) -> None:
 
 def test_roll_is_refused_where_nothing_rolls() -> None:
     gyroscope = Sensor("gyroscope", "roll rate", "body", noise_density=1e-4)
-    with pytest.raises(ModelError, match="measures roll, which a model of heave and pitch does not contain"):
+    with pytest.raises(
+        ModelError, match="measures roll, which a model of heave and pitch does not contain"
+    ):
         state_space(WAGON, RigidTrack(), [gyroscope])
 
 

@@ -144,7 +144,7 @@ def test_only_a_layered_track_has_supports_to_change(tmp_path: Path) -> None:
     change = '[[change]]\nfield = "pad_stiffness"\nfactor = 0.5\nstart = "0 m"\nend = "1 m"\n'
     with pytest.raises(TrackprofileError, match="needs a layered track"):
         read_scenario(put(tmp_path, BELL.replace("zhai-layered", "rigid") + change))
-    with pytest.raises(TrackprofileError, match="supports have pad_stiffness, "):
+    with pytest.raises(TrackprofileError, match="use one of pad_stiffness, "):
         read_scenario(put(tmp_path, BELL + change.replace("pad_stiffness", "colour")))
 
 
@@ -183,7 +183,9 @@ def test_impossible_file_beside_the_scenario_is_named(
 
 
 @pytest.mark.parametrize("scheme", ["newmark", "wilson"])
-def test_profile_that_reaches_as_far_as_was_asked_is_enough(tmp_path: Path, scheme: str) -> None:
+def test_a_profile_that_covers_exactly_the_needed_range_is_accepted(
+    tmp_path: Path, scheme: str
+) -> None:
     i = BELL.index("[[irregularity]]")
     text = BELL[:i].replace("newmark", scheme) + '[[irregularity]]\nkind = "file"\npath = "l.csv"\n'
 
@@ -194,9 +196,9 @@ def test_profile_that_reaches_as_far_as_was_asked_is_enough(tmp_path: Path, sche
     (tmp_path / "l.csv").write_text(levels(0.0, 1.0))
     with pytest.raises(TrackprofileError, match="but the run needs") as caught:
         read_scenario(put(tmp_path, text))
-    asked = re.search(r"wanted from (\S+) m to (\S+) m;", str(caught.value))
-    assert asked is not None
-    first, last = float(asked[1]), float(asked[2])
+    needed = re.search(r"needs (\S+) m to (\S+) m;", str(caught.value))
+    assert needed is not None
+    first, last = float(needed[1]), float(needed[2])
     assert first <= -20.0 - 19.875
     (tmp_path / "l.csv").write_text(levels(first - 1e-3, last + 1e-3))
     assert made(tmp_path, text).simulation.contact_force.min() > 0

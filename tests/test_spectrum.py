@@ -146,7 +146,9 @@ def test_the_chinese_pieces_meet() -> None:
 
 def test_a_power_law_is_not_continued_beyond_its_band() -> None:
     sncf = power_law("sncf-good")
-    with pytest.raises(ModelError, match=r"'SNCF.*2 m to 40 m, got 25 m to 70 m; choose wavelengths"):
+    with pytest.raises(
+        ModelError, match=r"'SNCF.*2 m to 40 m, got 25 m to 70 m; choose wavelengths"
+    ):
         sncf.standard_deviation(25, 70)
     with pytest.raises(ModelError, match="2 m to 40 m"):
         sncf.density(np.array([0.1]))

@@ -150,5 +150,5 @@ def test_contradictions_are_refused_in_one_sentence() -> None:
         replace(vehicle, wheels=(vehicle.wheels[0], *vehicle.wheels))
     with pytest.raises(ModelError, match="must be above 0"):
         replace(vehicle, bodies=(replace(vehicle.bodies[0], mass=0.0), *vehicle.bodies[1:]))
-    with pytest.raises(ModelError, match="one wheel stands at 0"):
+    with pytest.raises(ModelError, match="which must be at 0 m"):
         replace(vehicle, wheels=vehicle.wheels[1:], links=())
