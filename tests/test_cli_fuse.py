@@ -48,9 +48,8 @@ def test_passes_are_fused_and_what_was_found_is_one_object(
     found = json.loads(said)
     assert code == 0
     first, *_, moves = found["summary"]
-    assert first.startswith(
-        f"3 passes of 3 vehicles from {FIRST} to {LAST} make the level of {LAST}"
-    )
+    assert first.startswith(f"Level of {LAST}, ")
+    assert f"from 3 passes of 3 vehicles from {FIRST} to {LAST}." in first
     assert " m (D1, -" in moves
     assert [one["name"] for one in found["passes"]] == ["0.nc", "1.nc", "2.nc"]
     assert (found["contradictions"], found["day"]) == ([], LAST)
@@ -62,8 +61,9 @@ def test_passes_are_fused_and_what_was_found_is_one_object(
 def test_one_pass_is_said_to_be_alone(run: Run, folder: Path, tmp_path: Path) -> None:
     code, said, notes = run("fuse", dated(folder)[0], "-o", tmp_path / "line.nc")
     assert code == 0
-    assert said.startswith(f"1 pass of 1 vehicle of {FIRST} makes the level of {FIRST}")
-    assert "There is one pass: it comes back as it is, without a rate." in notes
+    assert said.startswith(f"Level of {FIRST}, ")
+    assert f"from 1 pass of 1 vehicle of {FIRST}." in said
+    assert "There is one pass only: its profile is returned unchanged, without a rate." in notes
 
 
 @pytest.mark.acceptance
@@ -128,10 +128,10 @@ def test_a_line_that_a_store_does_not_know_has_no_pass(
     ("more", "words"),
     [
         (["gone.nc=2026-05-02"], "there is no such file"),
-        (["0.nc=2026-05-02"], "Two passes are called '0.nc'"),
+        (["0.nc=2026-05-02"], "Two passes have the name '0.nc'"),
         (["0.nc"], "expected a profile and its day"),
-        (["other.nc=2026-05-02"], "no more than half look like one another"),
-        (["vague.nc=2026-05-02"], "it does not state its standard deviation"),
+        (["other.nc=2026-05-02"], "At most half of the 2 passes correlate with one another"),
+        (["vague.nc=2026-05-02"], "the profile does not state its standard deviation"),
         (["1.nc=2026-05-16", "--day", "31.5.2026"], "expected a day such as 2026-05-31"),
         (["1.nc=2026-05-16", "--from", "5000"], "choose a stretch inside it"),
     ],

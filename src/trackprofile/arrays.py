@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+NORMAL_95 = 1.96
+"""Half-width of the two-sided 95 % interval of a normal distribution, in standard deviations [-]."""
+
 MAX_DISTINCT_SHARE = 0.2
 """Largest share of distinct values with which a channel counts as recorded in steps."""
 

@@ -16,7 +16,7 @@ from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
     from trackprofile.assessment.trend import DatedProfile
-    from trackprofile.fusion.fuse import Fused
+    from trackprofile.fusion.fuse import FusionResult
 
 Profiles = Annotated[
     list[str] | None, typer.Argument(metavar="[PROFILE=DAY]...", help="Such as may.nc=2026-05-31.")
@@ -45,7 +45,7 @@ def fuse(
 ) -> None:
     """Combine passes by different trains and on different days into one profile with its rate of change."""
     from trackprofile.fusion.fuse import fuse as fused
-    from trackprofile.fusion.fusion_summary import summary
+    from trackprofile.fusion.fusion_summary import fusion_summary
     from trackprofile.io import format_to_write, write
 
     if bool(profiles) == bool(store) or bool(store) != bool(line and direction):
@@ -60,7 +60,7 @@ def fuse(
         passes = [_between(dated(one), from_m, to_m) for one in profiles or ()]
     found = fused(passes, None if day is None else day_of(day))
     files = write(found.profile, output)
-    said = summary(found)
+    said = fusion_summary(found)
     if as_json:
         show.as_one_object({"files": list(map(str, files)), "summary": said} | _as_dict(found))
         return
@@ -107,13 +107,13 @@ def _stored(
     return passes
 
 
-def _as_dict(found: Fused) -> dict[str, Any]:
+def _as_dict(found: FusionResult) -> dict[str, Any]:
     return {
         "day": found.day.isoformat(),
-        "passes": [asdict(one) | {"day": one.day.isoformat()} for one in found.members],
+        "passes": [asdict(one) | {"day": one.day.isoformat()} for one in found.passes],
         "contradictions": [
             asdict(one) | {"reason": one.reason.value} for one in found.contradictions
         ],
-        "moving": [asdict(one) for one in found.moving],
+        "changing": [asdict(one) for one in found.changing],
         "notes": list(found.notes),
     }

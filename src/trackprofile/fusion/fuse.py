@@ -1,4 +1,8 @@
-"""fuse: from passes to the profile of the line, its rate of change, and which pass contradicts the others."""
+"""Fusion of many passes into one profile of the line with its rate of change (theory, section 14).
+
+The passes are aligned (`pass_alignment`), stacked on one grid (`stack`), weighted by the error variances that their
+differences show (`weights`), and combined by generalised least squares in each subband (`combine`).
+"""
 
 from __future__ import annotations
 
@@ -11,58 +15,63 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.assessment.trend import DatedProfile
-from trackprofile.bands import BANDS, D1, band_pass_pieces
+from trackprofile.bands import BANDS, D1, Band, band_pass_pieces
 from trackprofile.contracts import Quality, build_profile, has_rate, with_provenance, with_rate
 from trackprofile.contracts.rates import FUSED
 from trackprofile.errors import DataError
-from trackprofile.fusion.combine import Combined, combine, without_each
+from trackprofile.fusion.combine import CombinedProfile, combine, combine_others
 from trackprofile.fusion.pass_alignment import (
-    FAR,
+    REPORTED_LAG,
     AlignedPass,
     RejectedPass,
     align_passes,
-    realign_passes,
+    realign_pass,
 )
 from trackprofile.fusion.rejection import Contradiction, RejectionReason
-from trackprofile.fusion.spectral_bands import ALL, JUDGED, RANGES, deviations
+from trackprofile.fusion.spectral_bands import (
+    ALL_WAVELENGTHS,
+    BAND_RANGES,
+    RANGES,
+    standard_deviations,
+)
 from trackprofile.fusion.stack import PassStack, stack_passes
 from trackprofile.fusion.weights import PassWeights, estimate_weights
 
 Array = NDArray[np.float64]
 
-LIKELY, BEYOND = 0.5, 3.0
-"""Probability that a place moves, and standard deviations of its rate, from which it is said to."""
+MIN_CHANGE_PROBABILITY, MIN_RATE_RATIO = 0.5, 3.0
+"""Probability that track changes, and rate over its standard deviation, above which a change is reported."""
 
 
 @dataclass(frozen=True)
-class Member:
-    """What was made of one pass.
+class FusedPass:
+    """Contribution of one pass to the fused profile.
 
     Parameters
     ----------
     name, day, vehicle : of the pass
-    lag : how much farther along than the line it had its places, on the whole [m]; None where that is not known
-    times : its error over what it states, in standard deviations, by band [-]
-    share : of the line that rests on it, in the mean, by band (0 to 1)
+    lag : mean of its own distance minus the line's chainage [m]; None where it could not be aligned
+    error_ratio : standard deviation of its error over the stated one, by band [-]
+    share : its mean weight in the line, by band (0 to 1)
     """
 
     name: str
     day: date
     vehicle: str
     lag: float | None
-    times: Mapping[str, float]
+    error_ratio: Mapping[str, float]
     share: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class ChangingLocation:
-    """A place that moves.
+    """A location where the track changes.
 
     Parameters
     ----------
-    band : by name
-    start, peak, end : where it begins, is fastest, ends [m]
-    per_day, deviation : at the peak, in the band; settlement is negative [m/day]
+    band : name of the band
+    start, peak, end : where the change starts, is fastest and ends [m]
+    per_day, deviation : rate in the band at the peak, and its standard deviation; settlement is negative [m/day]
     """
 
     band: str
@@ -74,244 +83,286 @@ class ChangingLocation:
 
 
 @dataclass(frozen=True)
-class Fused:
-    """All passes in one.
+class FusionResult:
+    """Profile of the line from all passes.
 
     Parameters
     ----------
-    profile : profile contract, with the variables ``rate`` [m/day], ``rate_deviation`` and, by band,
-        ``rate_deviation_D1`` and so on; all 0 where no rate is known
-    day : of its level
-    members : what was made of each pass, in the order of their days
+    profile : profile contract, with the variables ``rate`` [m/day], ``rate_deviation``, and by band
+        ``rate_deviation_D1`` and so on; all are 0 where no rate is known
+    day : day of its level
+    passes : contribution of each pass, sorted by day
     contradictions : passes that contradict the others
-    moving : places whose rate is no chance, by band
-    notes : in sentences
+    changing : locations where the track changes, by band
+    notes : remarks, in sentences
     """
 
     profile: xr.Dataset
     day: date
-    members: tuple[Member, ...]
+    passes: tuple[FusedPass, ...]
     contradictions: tuple[Contradiction, ...]
-    moving: tuple[ChangingLocation, ...]
+    changing: tuple[ChangingLocation, ...]
     notes: tuple[str, ...]
 
 
-def fuse(passes: Sequence[DatedProfile], day: date | None = None) -> Fused:
-    """The profile of a line from many passes (theory, section 14).
+def fuse(passes: Sequence[DatedProfile], day: date | None = None) -> FusionResult:
+    """Fuse passes over the same track into one profile with its rate of change (theory, section 14).
 
     Parameters
     ----------
-    passes : over the same track, in any order
-    day : on which the level is wanted; None is that of the last pass
+    passes : passes over the same track, in any order
+    day : day of the level; None is the day of the last pass
 
     Raises
     ------
-    DataError : there is no pass, two have one name, one is a line itself or does not state its standard deviation,
-        loaded and unloaded profiles are mixed, or the passes are not of the same track.
+    DataError : there is no pass, two have the same name, one is itself a fused profile or states no standard
+        deviation, loaded and unloaded profiles are mixed, or the passes are not of the same track.
 
     Examples
     --------
     >>> wave = 0.01 * np.sin(np.arange(0.0, 400.0, 0.25) / 5)
-    >>> one = build_profile(
+    >>> profile = build_profile(
     ...     np.arange(0.0, 400.0, 0.25), wave, kind="posterior", standard_deviation=np.full(1600, 1e-3),
     ...     band_standard_deviations={"D1": np.full(1600, 1e-5)})
-    >>> alone = fuse([Pass(one, date(2026, 5, 4), "may")])
-    >>> bool((alone.profile["elevation"] == one["elevation"]).all())
+    >>> result = fuse([DatedProfile(profile, date(2026, 5, 4), "may")])
+    >>> bool((result.profile["elevation"] == profile["elevation"]).all())
     True
     """
     ordered = _checked(passes)
     day = day or ordered[-1].day
     if len(ordered) == 1:
-        return _alone(ordered[0], day)
-    found, elsewhere = align_passes(ordered)
-    laid = stack_passes(found)
-    if len(found) > 2:
-        # The lag that the noise of the middle one makes is in all others until each is laid on what all say.
-        first = estimate_weights(laid)
-        pairs = [
-            realign_passes(one, _line(laid, line), float(share))
-            for one, line, share in zip(
-                found, without_each(laid, first.trust), first.share[D1.name], strict=True
-            )
-        ]
-        found = tuple(one for one in pairs if isinstance(one, AlignedPass))
-        elsewhere += tuple(one for one in pairs if isinstance(one, RejectedPass))
-        laid = stack_passes(found)
-    weighed = estimate_weights(laid)
-    days = weighed.days
-    mean = np.mean([one.of.day.toordinal() for one in found])
-    line = combine(laid, days, weighed.trust, day.toordinal() - float(mean))
+        return _single_pass(ordered[0], day)
+    aligned, rejected = align_passes(ordered)
+    stack = stack_passes(aligned)
+    if len(aligned) > 2:
+        aligned, also_rejected = _realign(stack)
+        rejected += also_rejected
+        stack = stack_passes(aligned)
+    weights = estimate_weights(stack)
+    mean_day = np.mean([one.dated.day.toordinal() for one in aligned])
+    line = combine(stack, weights.days, weights.errors, day.toordinal() - float(mean_day))
     contradictions = (
-        *(_not_of_the_line(one) for one in elsewhere),
-        *(_off(one) for one in found if abs(one.lag) > FAR and len(found) > 2),
-        *weighed.contradictions,
+        *(_rejected_pass(one) for one in rejected),
+        *(
+            _wrong_distances(one)
+            for one in aligned
+            if abs(one.lag) > REPORTED_LAG and len(aligned) > 2
+        ),
+        *weights.contradictions,
     )
-    profile = _profile(laid, line, weighed, day, contradictions)
-    return Fused(
-        profile,
-        day,
-        _members(ordered, laid, weighed),
-        contradictions,
-        tuple(_moving(laid, line)),
-        (*weighed.notes, *_about_time(found, day)),
+    return FusionResult(
+        profile=_profile(stack, line, weights, day, contradictions),
+        day=day,
+        passes=_fused_passes(ordered, stack, weights),
+        contradictions=contradictions,
+        changing=tuple(_changing_locations(stack, line)),
+        notes=(*weights.notes, *_notes_on_days(aligned, day)),
+    )
+
+
+def _realign(stack: PassStack) -> tuple[tuple[AlignedPass, ...], tuple[RejectedPass, ...]]:
+    """Align each pass with the line that all others give.
+
+    All lags have in common the error that the noise of the reference pass causes, until each pass is aligned with the
+    combination of the others.
+    """
+    weights = estimate_weights(stack)
+    results = [
+        realign_pass(one, _line_profile(stack, level), float(share))
+        for one, level, share in zip(
+            stack.passes,
+            combine_others(stack, weights.errors),
+            weights.share[D1.name],
+            strict=True,
+        )
+    ]
+    return (
+        tuple(one for one in results if isinstance(one, AlignedPass)),
+        tuple(one for one in results if isinstance(one, RejectedPass)),
     )
 
 
 def _checked(passes: Sequence[DatedProfile]) -> list[DatedProfile]:
+    """The passes sorted by day and name, if they can be fused."""
     if not passes:
-        raise DataError("There is no pass to fuse; give one or more.")
+        raise DataError("There is no pass to fuse; give at least one.")
     names = [one.name for one in passes]
     for name in names:
         if names.count(name) > 1:
-            raise DataError(f"Two passes are called {name!r}; give each its own name.")
+            raise DataError(f"Two passes have the name {name!r}; give each pass its own name.")
     for one in passes:
         if has_rate(one.profile):
             raise DataError(
-                f"{one.name} is a line made of many passes, and shares their errors; give the passes themselves."
+                f"{one.name} is a fused profile, whose errors depend on those of its passes; give the passes "
+                "themselves."
             )
     loadings = {str(one.profile.attrs.get("loading")) for one in passes}
     if len(loadings) > 1:
         raise DataError(
-            "Some passes are of the loaded track and some of the unloaded, which differ by what the wheels press it "
-            "down; infer all of them with the same track."
+            "Some passes are of the loaded track and some of the unloaded track, which differ by the deflection under "
+            "the wheels; infer all of them with the same track."
         )
     return sorted(passes, key=lambda one: (one.day, one.name))
 
 
-def _alone(one: DatedProfile, day: date) -> Fused:
-    nothing = np.zeros(one.profile.sizes["distance"])
-    profile = with_provenance(
-        with_rate(one.profile, nothing, nothing, {}), f"fuse: {one.name} alone"
-    )
-    member = Member(
+def _single_pass(one: DatedProfile, day: date) -> FusionResult:
+    zero = np.zeros(one.profile.sizes["distance"])
+    profile = with_provenance(with_rate(one.profile, zero, zero, {}), f"fuse: {one.name} alone")
+    only = FusedPass(
         one.name, one.day, str(one.profile.attrs["vehicle"]), 0.0, {}, {band.name: 1.0 for band in BANDS}
     )  # fmt: skip
-    return Fused(
-        profile,
-        day,
-        (member,),
-        (),
-        (),
-        ("There is one pass: it comes back as it is, without a rate",),
-    )
+    note = "There is one pass only: its profile is returned unchanged, without a rate"
+    return FusionResult(profile, day, passes=(only,), contradictions=(), changing=(), notes=(note,))
 
 
-def _line(laid: PassStack, level: Array) -> xr.Dataset:
+def _line_profile(stack: PassStack, level: Array) -> xr.Dataset:
     flags = np.where(np.isnan(level), Quality.GAP, 0)
-    return build_profile(laid.distance, level, kind="point", quality=flags)
+    return build_profile(stack.distance, level, kind="point", quality=flags)
 
 
-def _not_of_the_line(one: RejectedPass) -> Contradiction:
-    ends = one.of.profile["distance"].to_numpy()[[0, -1]]
-    reason = RejectionReason.TURNED if one.turned else RejectionReason.ELSEWHERE
-    return Contradiction(one.of.name, reason, float(ends[0]), float(ends[1]))
+def _rejected_pass(one: RejectedPass) -> Contradiction:
+    ends = one.dated.profile["distance"].to_numpy()[[0, -1]]
+    reason = RejectionReason.REVERSED if one.reversed else RejectionReason.OTHER_TRACK
+    return Contradiction(one.dated.name, reason, float(ends[0]), float(ends[1]))
 
 
-def _off(one: AlignedPass) -> Contradiction:
-    ends = one.of.profile["distance"].to_numpy()[[0, -1]]
+def _wrong_distances(one: AlignedPass) -> Contradiction:
+    ends = one.dated.profile["distance"].to_numpy()[[0, -1]]
     return Contradiction(
-        one.of.name, RejectionReason.LAG, float(ends[0]), float(ends[1]), size=one.lag, used=True
+        one.dated.name,
+        RejectionReason.LAG,
+        float(ends[0]),
+        float(ends[1]),
+        magnitude=one.lag,
+        used=True,
     )
 
 
 def _profile(
-    laid: PassStack,
-    line: Combined,
-    weighed: PassWeights,
+    stack: PassStack,
+    line: CombinedProfile,
+    weights: PassWeights,
     day: date,
     contradictions: Sequence[Contradiction],
 ) -> xr.Dataset:
+    """The line as a profile, with its rate and the passes it is from."""
     known = np.isfinite(line.level)
-    spread = {name: laid.along(each) for name, each in deviations(line.error).items()}
-    bands = {name for one in laid.passes for name in _bands_of(one.of.profile)}
-    vehicles = sorted({str(one.of.profile.attrs["vehicle"]) for one in laid.passes})
+    deviations = _on_grid(stack, line.error_density)
+    names = {name for one in stack.passes for name in _stated_bands(one.dated.profile)}
+    vehicles = sorted({str(one.dated.profile.attrs["vehicle"]) for one in stack.passes})
     profile = build_profile(
-        laid.distance,
+        stack.distance,
         line.level,
         kind="posterior",
-        method=f"{FUSED} {int(weighed.active.sum())} passes",
-        standard_deviation=np.where(known, spread[ALL], np.nan),
+        method=f"{FUSED} {int(weights.active.sum())} passes",
+        standard_deviation=np.where(known, deviations[ALL_WAVELENGTHS], np.nan),
         band_standard_deviations={
-            band.name: np.where(known, spread[band.name], np.nan)
+            band.name: np.where(known, deviations[band.name], np.nan)
             for band in BANDS
-            if band.name in bands
+            if band.name in names
         },
-        quality=_flags(laid, weighed),
-        loading=str(laid.passes[0].of.profile.attrs["loading"]),
+        quality=_flags(stack, weights),
+        loading=str(stack.passes[0].dated.profile.attrs["loading"]),
         vehicle=", ".join(vehicles),
     )
-    rates = {name: laid.along(each) for name, each in deviations(line.rate_error).items()}
-    profile = with_rate(
-        profile, line.rate, rates[ALL], {name: rates[name] for name in sorted(bands)}
-    )
+    rates = _on_grid(stack, line.rate_error_density)
+    in_bands = {name: rates[name] for name in sorted(names)}
+    profile = with_rate(profile, line.rate, rates[ALL_WAVELENGTHS], in_bands)
+    return with_provenance(profile, _provenance(stack, weights, day, contradictions))
+
+
+def _on_grid(stack: PassStack, density: Array) -> dict[str, Array]:
+    """Standard deviations by band, from a density at the nodes, interpolated to the grid (points)."""
+    return {name: stack.interpolate(each) for name, each in standard_deviations(density).items()}
+
+
+def _provenance(
+    stack: PassStack, weights: PassWeights, day: date, contradictions: Sequence[Contradiction]
+) -> str:
     used = [
-        f"{one.of.name} ({one.of.day})"
-        for one, here in zip(laid.passes, weighed.active, strict=True)
-        if here
+        f"{one.dated.name} ({one.dated.day})"
+        for one, active in zip(stack.passes, weights.active, strict=True)
+        if active
     ]
-    left_out = [one.name for one in contradictions if not one.used]
+    rejected = [one.name for one in contradictions if not one.used]
     step = f"fuse: level of {day} from {', '.join(used)}"
-    return with_provenance(
-        profile, step + (f"; left out: {', '.join(left_out)}" if left_out else "")
-    )
+    return step + (f"; left out: {', '.join(rejected)}" if rejected else "")
 
 
-def _moving(laid: PassStack, line: Combined) -> Iterator[ChangingLocation]:
-    """Where it is likely that track moves, and its rate in the band is beyond what its deviation explains.
+def _changing_locations(stack: PassStack, line: CombinedProfile) -> Iterator[ChangingLocation]:
+    """Locations where track probably changes and the rate in the band is significant.
 
-    What lies within the band's longest wave of each other is one place: a dip has shoulders in any band.
+    Points within the band's longest wavelength of each other are one location: in a band a dip has shoulders.
     """
-    rates = deviations(line.rate_error)
-    of_line = np.where(np.isnan(line.level), np.nan, line.rate)
-    for part in JUDGED:
+    deviations = standard_deviations(line.rate_error_density)
+    rate = np.where(np.isnan(line.level), np.nan, line.rate)
+    for part in BAND_RANGES:
         band = next(one for one in BANDS if one.name == part.name)
-        of_band = band_pass_pieces(of_line, laid.spacing, band)
-        spread = laid.along(rates[part.name])
-        likely = laid.along(line.moves[RANGES.index(part)]) > LIKELY
-        sure = np.flatnonzero(likely & (np.abs(np.nan_to_num(of_band)) > BEYOND * spread))
-        apart = np.flatnonzero(np.diff(sure) * laid.spacing > band.longest) + 1
-        for there in np.split(sure, apart) if sure.size else ():
-            top = there[np.argmax(np.abs(of_band[there]))]
-            start, peak, end = (float(laid.distance[i]) for i in (there[0], top, there[-1]))
+        in_band = band_pass_pieces(rate, stack.spacing, band)
+        deviation = stack.interpolate(deviations[part.name])
+        probability = stack.interpolate(line.change_probability[RANGES.index(part)])
+        significant = np.abs(np.nan_to_num(in_band)) > MIN_RATE_RATIO * deviation
+        points = np.flatnonzero((probability > MIN_CHANGE_PROBABILITY) & significant)
+        for location in _separate(points, stack.spacing, band):
+            peak = location[np.argmax(np.abs(in_band[location]))]
+            start, at, end = (float(stack.distance[i]) for i in (location[0], peak, location[-1]))
             yield ChangingLocation(
-                part.name, start, peak, end, float(of_band[top]), float(spread[top])
+                part.name, start, at, end, float(in_band[peak]), float(deviation[peak])
             )
 
 
-def _bands_of(profile: xr.Dataset) -> list[str]:
+def _separate(points: NDArray[np.intp], spacing: float, band: Band) -> list[NDArray[np.intp]]:
+    """Points in groups that are farther apart than the band's longest wavelength."""
+    if not points.size:
+        return []
+    return np.split(points, np.flatnonzero(np.diff(points) * spacing > band.longest) + 1)
+
+
+def _stated_bands(profile: xr.Dataset) -> list[str]:
     return [band.name for band in BANDS if f"standard_deviation_{band.name}" in profile]
 
 
-def _flags(laid: PassStack, weighed: PassWeights) -> NDArray[np.int16]:
-    """What all passes have alike at a place; a gap where no pass says anything."""
-    says = np.isfinite(laid.level) & weighed.active[:, None]
-    flags = np.where(says, laid.flags, -1)
-    alike = np.bitwise_and.reduce(flags, axis=0)
-    return np.where(says.any(axis=0), alike, Quality.GAP).astype(np.int16)
+def _flags(stack: PassStack, weights: PassWeights) -> NDArray[np.int16]:
+    """Flags that all passes have at a point; a gap where no pass has a level."""
+    known = np.isfinite(stack.level) & weights.active[:, None]
+    flags = np.where(known, stack.flags, -1)
+    common = np.bitwise_and.reduce(flags, axis=0)
+    return np.where(known.any(axis=0), common, Quality.GAP).astype(np.int16)
 
 
-def _members(
-    ordered: Sequence[DatedProfile], laid: PassStack, weighed: PassWeights
-) -> tuple[Member, ...]:
-    at = {one.of.name: i for i, one in enumerate(laid.passes)}
-    found = []
+def _fused_passes(
+    ordered: Sequence[DatedProfile], stack: PassStack, weights: PassWeights
+) -> tuple[FusedPass, ...]:
+    row_of = {one.dated.name: i for i, one in enumerate(stack.passes)}
+
+    def at_row(by_band: Mapping[str, Array], row: int | None) -> dict[str, float]:
+        if row is None:
+            return {}
+        return {band: float(values[row]) for band, values in by_band.items()}
+
+    passes = []
     for one in ordered:
-        i = at.get(one.name)
-        times = {} if i is None else {band: float(each[i]) for band, each in weighed.times.items()}
-        share = {} if i is None else {band: float(each[i]) for band, each in weighed.share.items()}
-        lag = None if i is None else laid.passes[i].lag
-        found.append(
-            Member(one.name, one.day, str(one.profile.attrs["vehicle"]), lag, times, share)
+        row = row_of.get(one.name)
+        passes.append(
+            FusedPass(
+                one.name,
+                one.day,
+                str(one.profile.attrs["vehicle"]),
+                lag=None if row is None else stack.passes[row].lag,
+                error_ratio=at_row(weights.error_ratio, row),
+                share=at_row(weights.share, row),
+            )
         )
-    return tuple(found)
+    return tuple(passes)
 
 
-def _about_time(found: Sequence[AlignedPass], day: date) -> list[str]:
-    days = [one.of.day for one in found]
+def _notes_on_days(aligned: Sequence[AlignedPass], day: date) -> list[str]:
+    days = [one.dated.day for one in aligned]
     if min(days) == max(days):
-        return [f"All passes are of {days[0]}: there is no rate"]
+        return [f"All passes are of {days[0]}: the profile has no rate"]
     if day > max(days) or day < min(days):
         return [
-            f"{day} lies outside the passes' days, {min(days)} to {max(days)}: the level there rests on the rate"
+            f"{day} is outside the days of the passes, {min(days)} to {max(days)}: its level is extrapolated by the "
+            "rate"
         ]
     return []

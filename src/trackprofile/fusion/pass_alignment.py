@@ -1,8 +1,9 @@
-"""All passes on one line's distance: which lie where, which are of this track at all.
+"""Alignment of all passes to the chainage of one line, and detection of passes over other track.
 
-Odometers differ by tens of metres and by a share of the distance. First each pass is followed along
-a reference by the correlation in windows, then aligned window by window (`assessment.alignment`), at
-last with what all others make of the place. The line's distance is that of the pass in the middle.
+Odometers differ by tens of metres and by a share of the distance. The lag of each pass is first tracked along a
+reference pass by the correlation of slopes in windows (Viterbi path), then estimated window by window
+(`assessment.alignment`), and last re-estimated against the profile that all other passes give. The line's chainage is
+that of the pass with the median lag.
 """
 
 from __future__ import annotations
@@ -21,144 +22,164 @@ from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D1, band_pass_pieces, resample
 from trackprofile.contracts import known_elevation
 from trackprofile.errors import DataError
-from trackprofile.fusion.spectral_bands import LEAST
+from trackprofile.fusion.stated_spectra import MIN_STANDARD_DEVIATION
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FARTHEST = 100.0
-"""Lag that is searched to both sides [m]."""
+MAX_LAG = 100.0
+"""Lag up to which the passes are searched, in both directions [m]."""
 
-FAR = 30.0
-"""Lag beyond which a pass's distances are said to be off [m]."""
+REPORTED_LAG = 30.0
+"""Lag above which the distances of a pass are reported as wrong [m]."""
 
-SHARPEST = 1e-4
-"""Standard deviation at least of a lag that a window tells [m]."""
+MIN_LAG_DEVIATION = 1e-4
+"""Lower bound of the standard deviation of a window's lag [m]."""
 
-WINDOW, FINE = 400.0, 150.0
-"""Over which passes are followed at first, and one lag is taken at last [m]."""
+TRACKING_WINDOW, ALIGNMENT_WINDOW = 400.0, 150.0
+"""Length of the windows in which the lag is tracked first, and estimated last [m]."""
 
-SCALE = 0.01
-"""Share of the distance by which odometers may differ."""
+MAX_SCALE_DIFFERENCE = 0.01
+"""Share of the distance by which two odometers may differ."""
 
-_STEP = 0.5  # m, of lags that are followed
-_BEYOND = 5000.0  # m, over which a lag goes on as it ended
-_LONG = 0.9  # share of the longest pass from which one may be the reference
+_STEP = 0.5  # m, of the tracked lags
+_EXTRAPOLATION = 5000.0  # m, over which the lag continues with its slope at either end
+_MIN_REFERENCE_SHARE = 0.9  # length of the reference pass over that of the longest pass
 
 
 @dataclass(frozen=True)
 class AlignedPass:
-    """A pass on the line's distance.
+    """A pass on the line's chainage.
 
     Parameters
     ----------
-    of : the pass, with the distances of its profile on the line
-    lag : how much farther along it had its places, on the whole [m]
-    at, deviation : standard deviation of its place (m), at some distances (m) [m]
+    dated : the pass, its profile's distances being the line's chainage
+    lag : mean over the pass of its own distance minus the line's chainage [m]
+    at, deviation : standard deviation of the pass's position (m) at some chainages (m) [m]
     """
 
-    of: DatedProfile
+    dated: DatedProfile
     lag: float
     at: Array
     deviation: Array
 
-    def unsure(self, distance: Array) -> Array:
-        """Standard deviation of the pass's place [m]."""
+    def position_deviation(self, distance: Array) -> Array:
+        """Standard deviation of the pass's position along the line, interpolated [m]."""
         return np.interp(distance, self.at, self.deviation)
 
 
 @dataclass(frozen=True)
 class RejectedPass:
-    """A pass that does not look like the others, but perhaps like them turned round."""
+    """A pass that does not correlate with the others.
 
-    of: DatedProfile
-    turned: bool
+    Parameters
+    ----------
+    dated : the pass as it was given
+    reversed : whether it correlates with the others after its direction of travel is reversed
+    """
+
+    dated: DatedProfile
+    reversed: bool
 
 
 def align_passes(
     passes: Sequence[DatedProfile],
 ) -> tuple[tuple[AlignedPass, ...], tuple[RejectedPass, ...]]:
-    """Lay the passes on the distance of the one in the middle of those that look alike.
+    """Align passes to the chainage of the one with the median lag, of those that correlate with each other.
 
     Parameters
     ----------
-    passes : two or more, in an order that does not depend on who asks
+    passes : two or more, sorted, so that the result does not depend on the order in which they were given
+
+    Returns
+    -------
+    the aligned passes, and those that do not correlate with the reference
 
     Raises
     ------
-    DataError : no more than half of the passes look like any of them.
+    DataError : at most half of the passes correlate with any one of them.
     """
-    seen = [_seen(one) for one in passes]
-    longest = max(one.length for one in seen)
-    for reference in sorted(seen, key=lambda one: -one.length):
-        lags = {one.of.name: _followed(one, reference) for one in seen}
-        alike = [one for one in seen if lags[one.of.name] is not None]
-        if 2 * len(alike) > len(seen):
+    slopes = [_slope_of(one) for one in passes]
+    longest = max(one.length for one in slopes)
+    for reference in sorted(slopes, key=lambda one: -one.length):
+        lags = {one.dated.name: _tracked_lag(one, reference) for one in slopes}
+        similar = [one for one in slopes if lags[one.dated.name] is not None]
+        if 2 * len(similar) > len(slopes):
             break
     else:
         raise DataError(
-            f"Of {len(passes)} passes no more than half look like one another within {FARTHEST:g} m; give passes of "
-            "the same track, with distances from the same origin."
+            f"At most half of the {len(passes)} passes correlate with one another within a lag of {MAX_LAG:g} m; give "
+            "passes of the same track, with distances from the same origin."
         )
-    middle = _middle([one for one in alike if one.length >= _LONG * longest] or alike, lags)
-    found = [_placed(one, middle) for one in seen]
+    long_enough = [one for one in similar if one.length >= _MIN_REFERENCE_SHARE * longest]
+    median = _median_pass(long_enough or similar, lags)
+    results = [_aligned_to(one, median) for one in slopes]
     return (
-        tuple(one for one in found if isinstance(one, AlignedPass)),
-        tuple(one for one in found if isinstance(one, RejectedPass)),
+        tuple(one for one in results if isinstance(one, AlignedPass)),
+        tuple(one for one in results if isinstance(one, RejectedPass)),
     )
 
 
-def realign_passes(
-    one: AlignedPass, others: xr.Dataset, share: float = 0.0
+def realign_pass(
+    one: AlignedPass, line: xr.Dataset, own_weight: float = 0.0
 ) -> AlignedPass | RejectedPass:
-    """A pass on the place that all passes together give it.
+    """Align a pass with the profile of the line that the other passes give.
+
+    If the pass has the weight w in the line, a lag l to the others is a lag (1 - w) l to the line.
 
     Parameters
     ----------
-    others : the line as all others have it
-    share : of the line that rests on the pass itself: the others meet it so far
+    one : the pass
+    line : profile of the line without the pass
+    own_weight : weight w of the pass in the line (0 to 1)
     """
     try:
-        found = align(one.of.profile, others, one.of.name, DRIFT, D1, SHARPEST, FINE)
+        alignment = align(
+            one.dated.profile, line, one.dated.name, DRIFT, D1, MIN_LAG_DEVIATION, ALIGNMENT_WINDOW
+        )
     except DataError:
-        return RejectedPass(one.of, turned=False)
-    found = Alignment(found.distance, (1 - share) * found.lag, (1 - share) * found.deviation)
-    lag = one.lag + _lag(one.of, found)
-    return AlignedPass(_moved(one.of, found), lag, found.distance, found.deviation)
+        return RejectedPass(one.dated, reversed=False)
+    alignment = Alignment(
+        alignment.distance,
+        (1 - own_weight) * alignment.lag,
+        (1 - own_weight) * alignment.deviation,
+    )
+    lag = one.lag + _mean_lag(one.dated, alignment)
+    return AlignedPass(_shifted(one.dated, alignment), lag, alignment.distance, alignment.deviation)
 
 
-def _moved(one: DatedProfile, by: Alignment) -> DatedProfile:
-    return DatedProfile(by.moved(one.profile), one.day, one.name)
+def _shifted(one: DatedProfile, alignment: Alignment) -> DatedProfile:
+    return DatedProfile(alignment.moved(one.profile), one.day, one.name)
 
 
-def _lag(one: DatedProfile, found: Alignment) -> float:
-    """Of the whole pass [m]."""
+def _mean_lag(one: DatedProfile, alignment: Alignment) -> float:
+    """Mean lag of the whole pass [m]."""
     distance = one.profile["distance"].to_numpy()
-    return float(np.mean(distance - found.moved(one.profile)["distance"].to_numpy()))
+    return float(np.mean(distance - alignment.moved(one.profile)["distance"].to_numpy()))
 
 
 @dataclass(frozen=True)
-class _Seen:
-    """The slope of a pass in the waves by which it is aligned, every `_STEP` from `start` on, 0 in gaps."""
+class _SlopeProfile:
+    """Slope of a pass in the wavelengths used for alignment, every `_STEP` from `start`, 0 in gaps."""
 
-    of: DatedProfile
+    dated: DatedProfile
     start: float
     slope: Array
     known: Mask
 
     @property
     def length(self) -> float:
-        """That is known [m]."""
+        """Length without gaps [m]."""
         return _STEP * float(np.count_nonzero(self.known))
 
     @property
-    def turned(self) -> _Seen:
-        """As if it had been run the other way, about its middle."""
-        return _Seen(self.of, self.start, -self.slope[::-1], self.known[::-1])
+    def in_reverse(self) -> _SlopeProfile:
+        """The same with the direction of travel reversed about the middle of the pass."""
+        return _SlopeProfile(self.dated, self.start, -self.slope[::-1], self.known[::-1])
 
 
-def _seen(one: DatedProfile) -> _Seen:
-    """Slopes weigh all waves about alike: levels would be compared by the longest alone."""
+def _slope_of(one: DatedProfile) -> _SlopeProfile:
+    """Slopes weight all wavelengths about equally; the longest alone would dominate elevations."""
     distance = one.profile["distance"].to_numpy()
     start = _STEP * np.ceil(distance[0] / _STEP)
     half = 0.5 * _STEP
@@ -166,55 +187,57 @@ def _seen(one: DatedProfile) -> _Seen:
     level = resample(distance, known_elevation(one.profile), grid)
     slope = np.gradient(band_pass_pieces(level, half, SEEN), half)[::2]
     known = np.isfinite(slope)
-    return _Seen(one, float(start), np.where(known, slope, 0.0), known)
+    return _SlopeProfile(one, float(start), np.where(known, slope, 0.0), known)
 
 
-def _followed(one: _Seen, reference: _Seen) -> Alignment | None:
-    """The lag of a pass behind another along the line, to about a metre; None where the two do not look alike."""
-    count = min(round(WINDOW / _STEP), reference.slope.size)
+def _tracked_lag(one: _SlopeProfile, reference: _SlopeProfile) -> Alignment | None:
+    """Lag of a pass behind another along the line, to about a metre; None where the two do not correlate."""
+    count = min(round(TRACKING_WINDOW / _STEP), reference.slope.size)
     starts = np.arange(0, reference.slope.size - count + 1, max(count // 2, 1))
-    likeness = np.stack([_likeness(one, reference, int(start), count) for start in starts])
-    path = _likeliest_path(likeness, max(1, round(SCALE * count / 2)))
-    found = likeness[np.arange(starts.size), path]
-    told = found != 0.0
-    if not told.any() or found[told].mean() < LIKE:
+    correlation = np.stack([_correlation(one, reference, int(start), count) for start in starts])
+    path = _viterbi_path(correlation, max(1, round(MAX_SCALE_DIFFERENCE * count / 2)))
+    on_path = correlation[np.arange(starts.size), path]
+    defined = on_path != 0.0
+    if not defined.any() or on_path[defined].mean() < LIKE:
         return None
-    middles = np.asarray(reference.start + _STEP * (starts + 0.5 * count), np.float64)
-    return _simplest(middles, np.asarray(_STEP * path - FARTHEST, np.float64), found > LIKE)
+    centres = np.asarray(reference.start + _STEP * (starts + 0.5 * count), np.float64)
+    return _piecewise_linear_lag(
+        centres, np.asarray(_STEP * path - MAX_LAG, np.float64), on_path > LIKE
+    )
 
 
-def _likeness(one: _Seen, reference: _Seen, start: int, count: int) -> Array:
-    """Correlation of a window of the reference with the pass, at every lag; 0 where less than half is known."""
-    reach = round(FARTHEST / _STEP)
+def _correlation(one: _SlopeProfile, reference: _SlopeProfile, start: int, count: int) -> Array:
+    """Correlation of a window of the reference with the pass at every lag; 0 where less than half is known."""
+    reach = round(MAX_LAG / _STEP)
     first = start + round((reference.start - one.start) / _STEP) - reach
     inside = slice(max(first, 0), max(first + count + 2 * reach, 0))
     b, m = np.zeros((2, count + 2 * reach))
-    here = slice(inside.start - first, inside.start - first + one.slope[inside].size)
-    b[here], m[here] = one.slope[inside], one.known[inside]
+    part = slice(inside.start - first, inside.start - first + one.slope[inside].size)
+    b[part], m[part] = one.slope[inside], one.known[inside]
     a, n = reference.slope[start : start + count], reference.known[start : start + count]
-    product, power, other, shared = (
+    product, power, other_power, common = (
         fftconvolve(x, y[::-1], mode="valid") for x, y in ((b, a), (m, a * a), (b * b, n), (m, n))
     )
-    size = np.sqrt(np.maximum(power * other, 0.0))
-    enough = (shared > 0.5 * count) & (size > 1e-9 * size.max(initial=1e-300))
-    return np.where(enough, product / np.where(enough, size, 1.0), 0.0)
+    size = np.sqrt(np.maximum(power * other_power, 0.0))
+    sufficient = (common > 0.5 * count) & (size > 1e-9 * size.max(initial=1e-300))
+    return np.where(sufficient, product / np.where(sufficient, size, 1.0), 0.0)
 
 
-def _likeliest_path(likeness: Array, step: int) -> NDArray[np.intp]:
-    """The lag in each window (windows) that adds up to most, if it changes by at most a step to the next (Viterbi)."""
-    best = [likeness[0]]
-    for one in likeness[1:]:
-        best.append(one + maximum_filter1d(best[-1], 2 * step + 1, mode="nearest"))
+def _viterbi_path(correlation: Array, max_step: int) -> NDArray[np.intp]:
+    """Lag index in each window (windows) with the largest sum of correlations, changing by at most `max_step`."""
+    best = [correlation[0]]
+    for one in correlation[1:]:
+        best.append(one + maximum_filter1d(best[-1], 2 * max_step + 1, mode="nearest"))
     path = [int(np.argmax(best[-1]))]
     for one in best[-2::-1]:
-        low = max(path[-1] - step, 0)
-        path.append(low + int(np.argmax(one[low : path[-1] + step + 1])))
+        low = max(path[-1] - max_step, 0)
+        path.append(low + int(np.argmax(one[low : path[-1] + max_step + 1])))
     return np.array(path[::-1])
 
 
-def _simplest(distance: Array, lag: Array, sure: Mask) -> Alignment:
-    """Straight lines through the lags, as few as come within a quarter of what `align` finds, going on at the ends."""
-    distance, lag = distance[sure], lag[sure]
+def _piecewise_linear_lag(distance: Array, lag: Array, reliable: Mask) -> Alignment:
+    """Piecewise linear fit to the reliable lags, with the fewest pieces within a quarter of `DRIFT`, extrapolated."""
+    distance, lag = distance[reliable], lag[reliable]
     knots, at_knots = distance[:1], lag[:1]
     for pieces in range(1, distance.size):
         knots = np.linspace(distance[0], distance[-1], pieces + 1)
@@ -225,7 +248,7 @@ def _simplest(distance: Array, lag: Array, sure: Mask) -> Alignment:
     if knots.size == 1:
         return Alignment(knots, at_knots, np.zeros(1))
     slope = np.diff(at_knots)[[0, -1]] / np.diff(knots)[[0, -1]]
-    beyond = np.array([-_BEYOND, _BEYOND])
+    beyond = np.array([-_EXTRAPOLATION, _EXTRAPOLATION])
     ends, at_ends = knots[[0, -1]] + beyond, at_knots[[0, -1]] + slope * beyond
     return Alignment(
         np.concatenate([ends[:1], knots, ends[1:]]),
@@ -234,31 +257,38 @@ def _simplest(distance: Array, lag: Array, sure: Mask) -> Alignment:
     )
 
 
-def _middle(alike: Sequence[_Seen], lags: Mapping[str, Alignment | None]) -> _Seen:
-    """The one that has its places neither early nor late: the median, by what each knows."""
-    mean = {one.of.name: _lag(one.of, found) for one in alike if (found := lags[one.of.name])}
-    ordered = sorted(alike, key=lambda one: mean[one.of.name])
-    weight = np.cumsum([_known_by(one.of) for one in ordered])
+def _median_pass(
+    similar: Sequence[_SlopeProfile], lags: Mapping[str, Alignment | None]
+) -> _SlopeProfile:
+    """The pass with the median lag, each pass weighted by its precision."""
+    mean = {
+        one.dated.name: _mean_lag(one.dated, lag)
+        for one in similar
+        if (lag := lags[one.dated.name])
+    }
+    ordered = sorted(similar, key=lambda one: mean[one.dated.name])
+    weight = np.cumsum([_precision(one.dated) for one in ordered])
     return ordered[int(np.searchsorted(weight, 0.5 * weight[-1] * (1 - 1e-9)))]
 
 
-def _known_by(one: DatedProfile) -> float:
-    """Weight of a pass, by the shortest waves of which it states how well it knows them [1/m²]."""
+def _precision(one: DatedProfile) -> float:
+    """Precision of a pass in the shortest band whose standard deviation it states [1/m²]."""
     names = [f"_{band.name}" for band in BANDS] + [""]
     for name in names:
         variable = one.profile.get(f"standard_deviation{name}")
         if variable is not None:
-            return 1.0 / max(float(np.nanmedian(variable)), LEAST) ** 2
+            return 1.0 / max(float(np.nanmedian(variable)), MIN_STANDARD_DEVIATION) ** 2
     return 1.0
 
 
-def _placed(one: _Seen, middle: _Seen) -> AlignedPass | RejectedPass:
-    """A pass on the distance of the one in the middle."""
-    ends = one.of.profile["distance"].to_numpy()[[0, -1]]
-    if one is middle:
-        return AlignedPass(one.of, 0.0, ends, np.zeros(2))
-    path = _followed(one, middle)
-    if path is None:
-        return RejectedPass(one.of, turned=_followed(one.turned, middle) is not None)
-    near = AlignedPass(_moved(one.of, path), _lag(one.of, path), ends, np.zeros(2))
-    return realign_passes(near, middle.of.profile)
+def _aligned_to(one: _SlopeProfile, median: _SlopeProfile) -> AlignedPass | RejectedPass:
+    """A pass on the chainage of the pass with the median lag."""
+    ends = one.dated.profile["distance"].to_numpy()[[0, -1]]
+    if one is median:
+        return AlignedPass(one.dated, 0.0, ends, np.zeros(2))
+    lag = _tracked_lag(one, median)
+    if lag is None:
+        reverse_lag = _tracked_lag(one.in_reverse, median)
+        return RejectedPass(one.dated, reversed=reverse_lag is not None)
+    shifted = AlignedPass(_shifted(one.dated, lag), _mean_lag(one.dated, lag), ends, np.zeros(2))
+    return realign_pass(shifted, median.dated.profile)

@@ -1,4 +1,9 @@
-"""Which pass contradicts the others: along the whole line or on a stretch, how much, and why."""
+"""Detection of passes that contradict the others, along the whole line or on a stretch, and the reason.
+
+A pass contradicts the others in a band if its error variance over the stated one, λ, exceeds `MIN_ERROR_RATIO`² times
+the typical one, and the quantile of χ² that good passes exceed in one of ten thousand lines. The reason follows from
+the regression of the pass on the line that the others give, subband by subband.
+"""
 
 from __future__ import annotations
 
@@ -11,36 +16,46 @@ from numpy.typing import NDArray
 from scipy.signal import hilbert
 from scipy.stats import chi2
 
-from trackprofile.fusion.spectral_bands import INTEGRALS, JUDGED, OMEGA, Range, decompose_spectrum
+from trackprofile.fusion.spectral_bands import (
+    BAND_INTEGRALS,
+    BAND_RANGES,
+    CENTRE_FREQUENCIES,
+    WavelengthRange,
+    decompose_spectrum,
+)
 from trackprofile.fusion.stack import PassStack
-from trackprofile.fusion.variance_components import CovarianceCells, Factors, projection
+from trackprofile.fusion.variance_components import (
+    CovarianceCells,
+    VarianceComponents,
+    projection,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-TIMES = 2.0
-"""Times what is usual among the passes, from which a pass's error is a contradiction."""
+MIN_ERROR_RATIO = 2.0
+"""Standard deviation of a pass's error, over the typical one of the passes, from which it contradicts the others."""
 
-BY_CHANCE = 1e-4
-"""That good passes are said to contradict each other somewhere."""
+FALSE_ALARM_PROBABILITY = 1e-4
+"""Probability that good passes are reported to contradict each other anywhere."""
 
-EXPLAINED = 0.5
-"""Share of what a pass differs by that goes with the track, from which its vehicle is at fault, not its noise."""
+MIN_EXPLAINED_SHARE = 0.5
+"""Share of a pass's deviation that the track explains, from which the cause is not noise."""
 
-_EVEN = 0.05  # share that a gain or a lag, one for all waves, leaves of that, if it is one
-_ROUNDS = 5  # in which passes are weighed down on stretches
-_UNLIKE = 0.3  # of a wave, below which a pass does not hold what the line has
+_MAX_UNEXPLAINED_SHARE = 0.05  # of that share, which one gain or one lag of all subbands may leave
+_MIN_GAIN = 0.3  # gain below which a pass does not contain the line
+_MAX_ITERATIONS = 5  # in which passes are down-weighted on stretches
 
 
 class RejectionReason(Enum):
-    """Why a pass contradicts the others, in words."""
+    """Reason why a pass contradicts the others; the value is its text."""
 
-    ELSEWHERE = "it does not look like the others: of other track, or too noisy to tell"
-    TURNED = "it looks like the others run the other way"
-    LAG = "its distances are off"
-    GAIN = "its levels are too large or too small by one factor"
-    VEHICLE = "it differs by what the track itself excites, as a vehicle does that is not the one it was taken for"
+    OTHER_TRACK = "it does not correlate with the others: it is of other track, or too noisy"
+    REVERSED = "it correlates with the others in the opposite direction of travel"
+    LAG = "its distances are wrong"
+    GAIN = "its elevations are too large or too small by one factor"
+    VEHICLE = "its deviation follows the track, as with a wrong vehicle model"
     NOISE = "its error is larger than it states"
 
 
@@ -50,13 +65,13 @@ class Contradiction:
 
     Parameters
     ----------
-    name : of the pass
-    reason : why
+    name : name of the pass
+    reason : why it contradicts
     start, end : where [m]
-    bands : in which, by name; empty for all
-    times : its error over what it states, in standard deviations; None where the two cannot be compared
-    size : what the reason is about: the lag [m], the gain [-]; None for others
-    used : whether the pass is used there, with the weight that it deserves
+    bands : names of the bands; empty for all
+    error_ratio : standard deviation of its error over the stated one [-]; None where the two are not comparable
+    magnitude : size of the cause: the lag [m] or the gain [-]; None for other reasons
+    used : whether the pass is used there, with a smaller weight
     """
 
     name: str
@@ -64,191 +79,236 @@ class Contradiction:
     start: float
     end: float
     bands: tuple[str, ...] = ()
-    times: float | None = None
-    size: float | None = None
+    error_ratio: float | None = None
+    magnitude: float | None = None
     used: bool = False
 
 
-def louder_in(part: Range, laid: PassStack, louder: Array) -> Array:
+def band_variance_ratio(part: WavelengthRange, stack: PassStack, variance_ratio: Array) -> Array:
     """Variance of each pass's error in a band over the stated one (n) [-].
 
     Parameters
     ----------
-    louder : λ (n, waves of the range)
+    part : range of the band
+    stack : the passes
+    variance_ratio : λ (n, subbands of the range)
     """
-    weight = _weights(part, laid)
-    return np.sum(weight * louder, axis=1)
+    return np.sum(_subband_shares(part, stack) * variance_ratio, axis=1)
 
 
-def freedom_in(part: Range, laid: PassStack, found: Factors) -> Array:
-    """Independent waves behind that (n)."""
+def degrees_of_freedom(
+    part: WavelengthRange, stack: PassStack, components: VarianceComponents
+) -> Array:
+    """Equivalent number of independent values behind `band_variance_ratio` (n)."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        return 1.0 / np.sum(_weights(part, laid) ** 2 / found.counts, axis=1)
+        return 1.0 / np.sum(_subband_shares(part, stack) ** 2 / components.counts, axis=1)
 
 
-def _weights(part: Range, laid: PassStack) -> Array:
-    """Share of each wave in the variance that each pass states for a band (n, waves of the range)."""
-    seen = laid.inside > 0
+def _subband_shares(part: WavelengthRange, stack: PassStack) -> Array:
+    """Share of each subband in the variance that each pass states for a band (n, subbands of the range)."""
+    inside = stack.edge_distance > 0
     mean = (
-        np.sum(laid.stated[:, part.waves] * seen[:, None], axis=2)
-        / np.maximum(seen.sum(axis=1), 1)[:, None]
+        np.sum(stack.error_density[:, part.subbands] * inside[:, None], axis=2)
+        / np.maximum(inside.sum(axis=1), 1)[:, None]
     )
-    weight = INTEGRALS[part.name][part.waves] * mean
+    weight = BAND_INTEGRALS[part.name][part.subbands] * mean
     return weight / weight.sum(axis=1, keepdims=True)
 
 
-def outlying(
-    laid: PassStack, found: Sequence[Factors], active: Mask
+def outlier_passes(
+    stack: PassStack, components: Sequence[VarianceComponents], active: Mask
 ) -> Mapping[int, Mapping[str, float]]:
-    """Passes whose error is far beyond what they state and what is usual among the passes: how far, by band.
+    """Passes whose error is far larger than stated and than is typical of the passes.
 
     Parameters
     ----------
-    found : of each of `JUDGED`
-    active : passes that are not left out (n)
+    stack : the passes
+    components : variance components of each of `BAND_RANGES`
+    active : which passes are used (n)
+
+    Returns
+    -------
+    by index of the pass, the standard deviation of its error over the stated one, by band
     """
-    times: dict[int, dict[str, float]] = {}
-    least = chance(int(active.sum()))
-    for part, each in zip(JUDGED, found, strict=True):
-        over = louder_in(part, laid, each.louder)
-        usual = max(1.0, float(np.median(over[active])))
-        freedom = freedom_in(part, laid, each)
-        for i in np.flatnonzero(active & (over > TIMES**2 * usual)):
-            if over[i] / usual > chi2.isf(least, freedom[i]) / freedom[i]:
-                times.setdefault(int(i), {})[part.name] = float(np.sqrt(over[i]))
-    return times
+    ratios: dict[int, dict[str, float]] = {}
+    level = significance_level(int(active.sum()))
+    for part, one in zip(BAND_RANGES, components, strict=True):
+        ratio = band_variance_ratio(part, stack, one.variance_ratio)
+        typical = max(1.0, float(np.median(ratio[active])))
+        freedom = degrees_of_freedom(part, stack, one)
+        for i in np.flatnonzero(active & (ratio > MIN_ERROR_RATIO**2 * typical)):
+            if ratio[i] / typical > chi2.isf(level, freedom[i]) / freedom[i]:
+                ratios.setdefault(int(i), {})[part.name] = float(np.sqrt(ratio[i]))
+    return ratios
 
 
-def chance(tries: int) -> float:
-    """Of one try, if so many together are to be wrong by `BY_CHANCE`."""
-    return BY_CHANCE / max(tries * len(JUDGED), 1)
+def significance_level(tests: int) -> float:
+    """Significance level of one test, so that all together have `FALSE_ALARM_PROBABILITY` (Bonferroni).
+
+    Examples
+    --------
+    >>> print(f"{significance_level(10):.2e}")
+    3.33e-06
+    """
+    return FALSE_ALARM_PROBABILITY / max(tests * len(BAND_RANGES), 1)
 
 
 @dataclass(frozen=True)
-class Likeness:
-    """How a pass goes with the line that the others make, in all waves of the bands.
+class LineRegression:
+    """Regression of a pass on the line that the others give, over all subbands of some bands.
 
     Parameters
     ----------
-    explained : share of the difference that goes with the line (0 to 1)
-    gain, lag : of the pass over the line [-], behind it [m]
-    left_by_gain, left_by_lag : share of what goes with the line that one of them alone leaves (0 to 1)
+    explained : share of the difference that the line explains (0 to 1)
+    gain, lag : gain of the pass over the line [-], and its lag behind it [m]
+    unexplained_by_gain, unexplained_by_lag : share of the explained part that one gain, or one lag, leaves (0 to 1)
     """
 
     explained: float
     gain: float
     lag: float
-    left_by_gain: float
-    left_by_lag: float
+    unexplained_by_gain: float
+    unexplained_by_lag: float
 
 
-def likeness(
-    laid: PassStack, i: int, others: Array, bands: Container[str], start: float, end: float
-) -> Likeness:
-    """Regress each wave of a pass on the same of the line and its Hilbert transform.
+def regress_on_line(
+    stack: PassStack, i: int, line: Array, bands: Container[str], start: float, end: float
+) -> LineRegression:
+    """Regress each subband of a pass on the same subband of the line and on its Hilbert transform.
 
-    A wave of the pass is Re(β z) with the line's analytic signal z: a gain makes all β the same, a lag δ makes them
-    exp(-iΩδ), and a vehicle that is not the one it was taken for anything else.
+    With the analytic signal z_j of the line, subband j of the pass is m_j = Re(β_j z_j) plus noise. A gain g makes all
+    β_j = g, a lag δ makes β_j = exp(-iΩ_j δ), and a wrong vehicle model makes any other β_j.
 
     Parameters
     ----------
-    i : number of the pass
-    others : the line without it (m) [m]
-    bands : in which
-    start, end : of the stretch [m]
+    stack : the passes
+    i : index of the pass
+    line : the line without the pass (points) [m]
+    bands : names of the bands
+    start, end : ends of the stretch [m]
     """
-    inside = (laid.distance >= start) & (laid.distance <= end)
-    known = inside & np.isfinite(laid.level[i]) & np.isfinite(others)
-    own, line = (
-        decompose_spectrum(np.where(known, one, np.nan), laid.spacing)
-        for one in (laid.level[i], others)
+    inside = (stack.distance >= start) & (stack.distance <= end)
+    known = inside & np.isfinite(stack.level[i]) & np.isfinite(line)
+    own, others = (
+        decompose_spectrum(np.where(known, one, np.nan), stack.spacing)
+        for one in (stack.level[i], line)
     )
-    waves = [wave for part in JUDGED if part.name in bands for wave in part.numbers]
-    beta, weight, difference = np.zeros(len(waves), np.complex128), np.zeros(len(waves)), 0.0
-    for row, wave in enumerate(waves):
-        y, z = own.wave(wave), np.asarray(hilbert(line.wave(wave)))
-        stated = float(np.median(laid.stated[i, wave]))
+    subbands = [index for part in BAND_RANGES if part.name in bands for index in part.indices]
+    omega = CENTRE_FREQUENCIES[subbands]
+    beta, weight = np.zeros(len(subbands), np.complex128), np.zeros(len(subbands))
+    difference = 0.0
+    for row, index in enumerate(subbands):
+        m, z = own.subband(index), np.asarray(hilbert(others.subband(index)))
+        stated = float(np.median(stack.error_density[i, index]))
         power = max(float(np.sum(np.abs(z) ** 2)) / 2, 1e-300)
-        beta[row], weight[row] = np.vdot(z, y) / power, power / stated
-        difference += float(np.sum((y - np.real(z)) ** 2)) / stated
+        beta[row], weight[row] = np.vdot(z, m) / power, power / stated
+        difference += float(np.sum((m - np.real(z)) ** 2)) / stated
     gain = float(np.sum(weight * np.real(beta)) / weight.sum())
-    turned = weight * OMEGA[waves]
-    lag = -float(np.sum(turned * np.imag(beta)) / np.sum(turned * OMEGA[waves]))
-    off, by_gain, by_lag = (
-        float(np.sum(weight * np.abs(beta - one) ** 2))
-        for one in (1.0, gain, np.exp(-1j * OMEGA[waves] * lag))
+    phase_weight = weight * omega
+    lag = -float(np.sum(phase_weight * np.imag(beta)) / np.sum(phase_weight * omega))
+    explained, without_gain, without_lag = (
+        float(np.sum(weight * np.abs(beta - model) ** 2))
+        for model in (1.0, gain, np.exp(-1j * omega * lag))
     )
-    off = max(off, 1e-300)
-    return Likeness(off / max(difference, 1e-300), gain, lag, by_gain / off, by_lag / off)
+    explained = max(explained, 1e-300)
+    return LineRegression(
+        explained / max(difference, 1e-300),
+        gain,
+        lag,
+        without_gain / explained,
+        without_lag / explained,
+    )
 
 
-def reason_of(found: Likeness) -> tuple[RejectionReason, float | None]:
-    """What is wrong with a pass that goes so with the line, and by how much."""
-    if found.explained < EXPLAINED:
+def rejection_reason(regression: LineRegression) -> tuple[RejectionReason, float | None]:
+    """Reason of a contradiction, from the regression of the pass on the line, and its magnitude."""
+    if regression.explained < MIN_EXPLAINED_SHARE:
         return RejectionReason.NOISE, None
-    if found.gain < _UNLIKE:
-        return RejectionReason.ELSEWHERE, None
-    if found.left_by_lag < _EVEN:
-        return RejectionReason.LAG, found.lag
-    if found.left_by_gain < _EVEN:
-        return RejectionReason.GAIN, found.gain
+    if regression.gain < _MIN_GAIN:
+        return RejectionReason.OTHER_TRACK, None
+    if regression.unexplained_by_lag < _MAX_UNEXPLAINED_SHARE:
+        return RejectionReason.LAG, regression.lag
+    if regression.unexplained_by_gain < _MAX_UNEXPLAINED_SHARE:
+        return RejectionReason.GAIN, regression.gain
     return RejectionReason.VEHICLE, None
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches:
-    """Where passes contradict all others, stretch by stretch of one range.
+class OutlierStretches:
+    """Stretches on which passes contradict all others, in one range of wavelengths.
 
     Parameters
     ----------
-    start, end : (s) [m]
-    louder : variance of each pass's error over the expected where it contradicts the others, else 1 (n, s) [-]
+    start, end : ends of the stretches (stretches) [m]
+    variance_ratio : variance of each pass's error over the expected one where it contradicts the others, else 1
+        (n, stretches) [-]
     """
 
     start: Array
     end: Array
-    louder: Array
+    variance_ratio: Array
 
 
-def louder_stretches(
-    of: CovarianceCells, part: Range, laid: PassStack, days: Array, vehicle: Indices, found: Factors
-) -> Stretches:
-    """Compare each pass in each stretch with what all others make of it.
+def find_outlier_stretches(
+    cells: CovarianceCells,
+    part: WavelengthRange,
+    stack: PassStack,
+    days: Array,
+    vehicle: Indices,
+    components: VarianceComponents,
+) -> OutlierStretches:
+    """Compare each pass on each stretch with its prediction from all other passes.
 
-    What is left of pass i given all others has the variance 1/P_ii, and is (P t)_i / P_ii (de Jong 1988). One bad pass
-    makes all others depart a little: the worst of each stretch is weighed down first, and all are asked again.
+    The residual of pass i given all others is (Q t)_i/Q_ii, of variance 1/Q_ii (de Jong 1988). One bad pass also
+    enlarges the residuals of the others: on each stretch the worst one is down-weighted first, and all are compared
+    again.
     """
-    _, of_wave = np.unique(of.wave, return_inverse=True)
-    start, index = np.unique(of.start, return_inverse=True)
+    _, subband_of_cell = np.unique(cells.subband, return_inverse=True)
+    start, stretch_of_cell = np.unique(cells.start, return_inverse=True)
     end = np.zeros(start.size)
-    end[index] = of.end
-    weight = (_weights(part, laid) * found.louder)[:, of_wave].T
-    louder = np.ones((days.size, start.size))
-    for _ in range(_ROUNDS):
-        own = found.louder.T[of_wave] * louder.T[index]
-        P, _ = projection(of, days, vehicle, own, found.change, found.shared)
-        left, expected = (np.einsum("cii->ci", one) for one in (P @ of.product @ P, P))
-        there = of.there & (expected > 1e-12)
-        ratio = np.where(there, left / np.where(there, expected, 1.0), 0.0)
-        each = np.where(there, weight, 0.0)
-        total, sure, square = (
-            _summed(one, index, start.size)
-            for one in (each * ratio, each, each**2 / of.count[:, None])
+    end[stretch_of_cell] = cells.end
+    share = (_subband_shares(part, stack) * components.variance_ratio)[:, subband_of_cell].T
+    excess = np.ones((days.size, start.size))
+    for _ in range(_MAX_ITERATIONS):
+        ratio = components.variance_ratio.T[subband_of_cell] * excess.T[stretch_of_cell]
+        Q, _ = projection(
+            cells, days, vehicle, ratio, components.rate_variance, components.vehicle_variance
         )
-        seen = sure > 0
-        times = total / np.where(seen, sure, 1.0)
-        freedom = np.where(seen, sure**2 / np.where(seen, square, 1.0), 1.0)
-        least = chi2.isf(chance(times.size), freedom) / freedom
-        beyond = seen & (times > TIMES**2) & (times > least)
-        beyond &= times >= np.where(beyond, times, 0.0).max(axis=1, keepdims=True)
-        if not beyond.any():
+        squared, freedom = _residual_ratio(cells, Q, share, stretch_of_cell, start.size)
+        quantile = chi2.isf(significance_level(squared.size), freedom) / freedom
+        outlying = (squared > MIN_ERROR_RATIO**2) & (squared > quantile)
+        outlying &= squared >= np.where(outlying, squared, 0.0).max(axis=1, keepdims=True)
+        if not outlying.any():
             break
-        louder = np.where(beyond.T, louder * times.T, louder)
-    return Stretches(start, end, louder)
+        excess = np.where(outlying.T, excess * squared.T, excess)
+    return OutlierStretches(start, end, excess)
 
 
-def _summed(values: Array, index: Indices, size: int) -> Array:
-    """Rows added up by stretch (size, n)."""
-    found = np.zeros((size, values.shape[1]))
-    np.add.at(found, index, values)
-    return found
+def _residual_ratio(
+    cells: CovarianceCells, Q: Array, share: Array, stretch_of_cell: Indices, count: int
+) -> tuple[Array, Array]:
+    """Squared residual of each pass over the expected one, 0 where undetermined, and its degrees of freedom.
+
+    Returns
+    -------
+    both (stretches, n) [-]
+    """
+    residual, expected = (np.einsum("cii->ci", one) for one in (Q @ cells.covariance @ Q, Q))
+    determined = cells.informative & (expected > 1e-12)
+    ratio = np.where(determined, residual / np.where(determined, expected, 1.0), 0.0)
+    weight = np.where(determined, share, 0.0)
+    total, weight_sum, square = (
+        _sum_by_stretch(one, stretch_of_cell, count)
+        for one in (weight * ratio, weight, weight**2 / cells.count[:, None])
+    )
+    positive = weight_sum > 0
+    squared = total / np.where(positive, weight_sum, 1.0)
+    freedom = np.where(positive, weight_sum**2 / np.where(positive, square, 1.0), 1.0)
+    return np.where(positive, squared, 0.0), freedom
+
+
+def _sum_by_stretch(values: Array, stretch_of_cell: Indices, count: int) -> Array:
+    """Sum of the rows of each stretch (stretches, n)."""
+    total = np.zeros((count, values.shape[1]))
+    np.add.at(total, stretch_of_cell, values)
+    return total

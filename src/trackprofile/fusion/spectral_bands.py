@@ -1,8 +1,11 @@
-"""A profile cut into waves of half an octave each, which add up to it, and the spectrum of its error at them.
+"""Decomposition of a profile into half-octave subbands, and standard deviations from spectral densities.
 
-Passes know some waves better than others, and not the same ones: they are weighed wave by wave. A
-profile states its error's standard deviation in all and in the bands; the spectrum at the waves is
-taken to run straight between them, in logarithms.
+Subband j has the centre wavelength L_j = 2^(j/2) m and the gain
+
+    T_j(Ω) = cos²(π/2 |2 log2(2π/Ω) - j|)  for |2 log2(2π/Ω) - j| < 1, else 0,      Σ_j T_j(Ω) = 1,
+
+so that the subbands of a profile add up to the profile. Passes differ in the wavelengths that they determine well;
+fusion therefore estimates variances and weights for each subband.
 """
 
 from __future__ import annotations
@@ -11,146 +14,132 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.fft import dst, idst
 
 from trackprofile.arrays import runs
 from trackprofile.bands import BANDS, gain
-from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
 
-LENGTHS = np.asarray(2.0 ** (0.5 * np.arange(27)), np.float64)
-"""Wavelengths on which the waves are centred [m]; the first and last take all that is shorter or longer."""
+CENTRE_WAVELENGTHS = np.asarray(2.0 ** (0.5 * np.arange(27)), np.float64)
+"""Centre wavelengths of the subbands [m]; the first and last subband also take all shorter or longer wavelengths."""
 
-OMEGA: Array = 2 * np.pi / LENGTHS
-"""Their spatial angular frequency [rad/m]."""
+CENTRE_FREQUENCIES: Array = 2 * np.pi / CENTRE_WAVELENGTHS
+"""Spatial angular frequencies of the centre wavelengths [rad/m]."""
 
-ALL = "all"
-"""What stands beside the bands' names: the elevation with all its waves."""
+ALL_WAVELENGTHS = "all"
+"""Key of the whole elevation, next to the names of the bands D1, D2 and D3."""
 
-STEP = 5.0
-"""Between the places at which spectra and weights are held [m]."""
-
-LEAST = 1e-9
-"""Standard deviation at least [m]: of a profile that is taken to be exact."""
-
-KNEES = (0.0206, 0.825)
-"""Where the usual priors turn from flat to Ω^-2, and to Ω^-4 [rad/m] (theory, section 7)."""
-
-_FLATTEST, _USUAL, _STEEPEST = (
-    2.0,
-    4.0,
-    6.0,
-)  # of S ∝ Ω^-p; an accelerometer's white noise, integrated twice
-_ROUNDS, _SETTLED = 60, 1e-6  # until the spectrum holds the stated variances
-_OWN = 0.05  # share of an even spectrum that a band's own waves have at least
-_LEFT = 1e-3  # share of the whole variance that longer waves have at least
+_INTEGRATION_GRID = np.concatenate([[0.0], np.geomspace(1e-5, 4 * np.pi, 20001)])
+"""Ω from wavelengths far beyond the last subband, where densities are flat, to the shortest of the grid [rad/m]."""
 
 
 @dataclass(frozen=True)
-class Range:
-    """Neighbouring waves that are weighed and judged together.
+class WavelengthRange:
+    """Neighbouring subbands that share one set of variance components.
 
     Parameters
     ----------
-    name : of the band they lie in, or in words
-    waves : numbers of them
+    name : name of the band (D1, D2, D3) that holds the subbands, or ``shorter`` or ``longer``
+    subbands : indices of the subbands
     """
 
     name: str
-    waves: slice
+    subbands: slice
 
     @property
-    def numbers(self) -> range:
-        """Of its waves, one by one."""
-        return range(self.waves.start, self.waves.stop)
+    def indices(self) -> range:
+        """Indices of the subbands, one by one."""
+        return range(self.subbands.start, self.subbands.stop)
 
 
-def _ranges() -> tuple[Range, ...]:
-    ends = [0.0, *(band.shortest for band in BANDS), BANDS[-1].longest, np.inf]
+def _wavelength_ranges() -> tuple[WavelengthRange, ...]:
+    limits = [0.0, *(band.shortest for band in BANDS), BANDS[-1].longest, np.inf]
     names = ["shorter", *(band.name for band in BANDS), "longer"]
-    first = np.searchsorted(LENGTHS, ends)
+    first = np.searchsorted(CENTRE_WAVELENGTHS, limits)
     return tuple(
-        Range(name, slice(int(a), int(b)))
-        for name, a, b in zip(names, first[:-1], first[1:], strict=True)
+        WavelengthRange(name, slice(int(start), int(stop)))
+        for name, start, stop in zip(names, first[:-1], first[1:], strict=True)
     )
 
 
-RANGES = _ranges()
-"""All waves: shorter than D1, D1, D2, D3, longer than D3."""
+RANGES = _wavelength_ranges()
+"""All subbands in five ranges: shorter than D1, D1, D2, D3, longer than D3."""
 
-JUDGED = RANGES[1:-1]
-"""Those of the bands: only of these a profile says how well it knows them."""
+BAND_RANGES = RANGES[1:-1]
+"""Ranges of the bands D1, D2 and D3: a profile states its standard deviation in these only."""
 
 
-def shares(omega: Array) -> Array:
-    """What of a frequency belongs to each wave: cos² over half an octave to each side.
+def subband_gains(omega: Array) -> Array:
+    """Gain T_j(Ω) of each subband: a squared cosine that falls to zero half an octave from the centre.
 
     Parameters
     ----------
-    omega : (n) [rad/m]
+    omega : spatial angular frequency (n) [rad/m]
 
     Returns
     -------
-    (waves, n) [-], of sum 1
+    T_j(Ω) (subbands, n) [-]; the sum over the subbands is 1
 
     Examples
     --------
-    >>> print(shares(2 * np.pi / np.array([8.0, 9.0, 5000.0])).sum(axis=0))
+    >>> print(subband_gains(2 * np.pi / np.array([8.0, 9.0, 5000.0])).sum(axis=0))
     [1. 1. 1.]
     """
+    last = CENTRE_WAVELENGTHS.size - 1
     with np.errstate(divide="ignore"):
-        place = np.clip(2 * np.log2(2 * np.pi / omega), 0, LENGTHS.size - 1)
-    away = np.abs(place - np.arange(LENGTHS.size)[:, None])
-    return np.where(away < 1, np.cos(0.5 * np.pi * np.minimum(away, 1.0)) ** 2, 0.0)
+        position = np.clip(2 * np.log2(2 * np.pi / omega), 0, last)
+    offset = np.abs(position - np.arange(CENTRE_WAVELENGTHS.size)[:, None])
+    return np.where(offset < 1, np.cos(0.5 * np.pi * np.minimum(offset, 1.0)) ** 2, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class SpectralDecomposition:
-    """A profile's sine transform, piece by piece between gaps.
+    """Sine transform of each gap-free piece of a profile, from which any subband follows by one product.
 
     Parameters
     ----------
-    size, spacing : of the profile: points, and between them [m]
-    pieces : where each stands, its transform, and the straight line from end to end taken off before
+    size, spacing : number of points of the profile, and the distance between them [m]
+    pieces : of each gap-free piece its indices, its sine transform, and the straight line from end to end that was
+        subtracted before the transform
     """
 
     size: int
     spacing: float
     pieces: tuple[tuple[slice, Array, Array], ...]
 
-    def wave(self, number: int) -> Array:
-        """The part in one wave (size) [unit of the profile]; 0 in gaps."""
-        found = np.zeros(self.size)
-        for piece, sines, line in self.pieces:
-            if sines.size:
-                here, share = _shares_of(sines.size, self.spacing, number)
-                part = np.zeros(sines.size)
-                part[here] = sines[here] * share
-                found[piece.start + 1 : piece.stop - 1] = np.asarray(idst(part, type=1))
-            # A line from end to end is the quarter of a wave four times as long.
-            if number == np.argmin(np.abs(LENGTHS - 4 * self.spacing * line.size)):
-                found[piece] += line
-        return found
+    def subband(self, index: int) -> Array:
+        """Component of the profile in one subband (size) [unit of the profile]; 0 in gaps."""
+        component = np.zeros(self.size)
+        for piece, coefficients, line in self.pieces:
+            if coefficients.size:
+                inside, gains = _coefficient_gains(coefficients.size, self.spacing, index)
+                selected = np.zeros(coefficients.size)
+                selected[inside] = coefficients[inside] * gains
+                component[piece.start + 1 : piece.stop - 1] = np.asarray(idst(selected, type=1))
+            # A line from end to end is a quarter of a wavelength four times as long.
+            if index == np.argmin(np.abs(CENTRE_WAVELENGTHS - 4 * self.spacing * line.size)):
+                component[piece] += line
+        return component
 
 
 def decompose_spectrum(values: Array, spacing: float) -> SpectralDecomposition:
-    """The transform of which every wave is a product away.
+    """Sine transform of a profile, piece by piece between gaps, as the basis of its subbands.
 
-    As in `bands.band_pass`, each piece is continued beyond its ends by odd reflection.
+    As in `bands.band_pass`, odd reflection continues each piece beyond its ends.
 
     Parameters
     ----------
-    values : NaN in gaps (n) [any unit]
-    spacing : between them [m]
+    values : profile, NaN in gaps (n) [any unit]
+    spacing : distance between the values [m]
 
     Examples
     --------
     >>> level = np.cumsum(np.random.default_rng(0).standard_normal(1000))
-    >>> cut = sines(level, 0.25)
-    >>> bool(np.allclose(sum(cut.wave(number) for number in range(LENGTHS.size)), level))
+    >>> decomposition = decompose_spectrum(level, 0.25)
+    >>> total = sum(decomposition.subband(index) for index in range(CENTRE_WAVELENGTHS.size))
+    >>> bool(np.allclose(total, level))
     True
     """
     pieces = []
@@ -162,164 +151,64 @@ def decompose_spectrum(values: Array, spacing: float) -> SpectralDecomposition:
     return SpectralDecomposition(values.size, spacing, tuple(pieces))
 
 
-def _shares_of(count: int, spacing: float, number: int) -> tuple[slice, Array]:
-    """Which of the sines belong to a wave, and how much of each."""
-    # Sine k is k half waves long.
-    half = spacing * (count + 1)
-    low, high = (half * 2 / LENGTHS[number] * factor for factor in (2**-0.5, 2**0.5))
-    first = 1 if number == LENGTHS.size - 1 else min(int(low) + 1, count + 1)
-    after = count + 1 if number == 0 else min(int(high) + 1, count + 1)
-    place = np.clip(2 * np.log2(2 * half / np.arange(first, after)), 0, LENGTHS.size - 1)
-    away = np.minimum(np.abs(place - number), 1.0)
-    return slice(first - 1, after - 1), np.cos(0.5 * np.pi * away) ** 2
+def _coefficient_gains(count: int, spacing: float, index: int) -> tuple[slice, Array]:
+    """Sine coefficients inside a subband, and the gain of each."""
+    # Sine k has k half wavelengths on the length of the piece.
+    length = spacing * (count + 1)
+    low, high = (length * 2 / CENTRE_WAVELENGTHS[index] * factor for factor in (2**-0.5, 2**0.5))
+    last = CENTRE_WAVELENGTHS.size - 1
+    first = 1 if index == last else min(int(low) + 1, count + 1)
+    after = count + 1 if index == 0 else min(int(high) + 1, count + 1)
+    position = np.clip(2 * np.log2(2 * length / np.arange(first, after)), 0, last)
+    offset = np.minimum(np.abs(position - index), 1.0)
+    return slice(first - 1, after - 1), np.cos(0.5 * np.pi * offset) ** 2
 
 
-def _power() -> Array:
-    omega = np.concatenate([[0.0], np.geomspace(1e-5, 4 * np.pi, 20001)])
-    return np.asarray(np.trapezoid(shares(np.maximum(omega, 1e-9)) ** 2, omega, axis=1))
+def _squared_gain_integrals() -> Array:
+    gains = subband_gains(np.maximum(_INTEGRATION_GRID, 1e-9))
+    return np.asarray(np.trapezoid(gains**2, _INTEGRATION_GRID, axis=1))
 
 
-def _integrals() -> Mapping[str, Array]:
-    """∫|H|² T_j dΩ of each band and ∫T_j dΩ of all, by wave j [rad/m]."""
-    # From waves far longer than the last, whose density does not rise further, to the grid's shortest.
-    omega = np.concatenate([[0.0], np.geomspace(1e-5, 4 * np.pi, 20001)])
-    parts = shares(np.maximum(omega, 1e-9))
-    weights = {band.name: gain(band, omega) ** 2 for band in BANDS} | {ALL: np.ones(omega.size)}
+def _band_integrals() -> Mapping[str, Array]:
+    gains = subband_gains(np.maximum(_INTEGRATION_GRID, 1e-9))
+    weights = {band.name: gain(band, _INTEGRATION_GRID) ** 2 for band in BANDS}
+    weights[ALL_WAVELENGTHS] = np.ones(_INTEGRATION_GRID.size)
     return {
-        name: np.asarray(np.trapezoid(weight * parts, omega, axis=1))
+        name: np.asarray(np.trapezoid(weight * gains, _INTEGRATION_GRID, axis=1))
         for name, weight in weights.items()
     }
 
 
-INTEGRALS = _integrals()
-"""By band, and for all waves together: what a density at each wave adds to the variance (waves) [rad/m]."""
+BAND_INTEGRALS = _band_integrals()
+"""∫|H|² T_j dΩ of each band, and ∫T_j dΩ of all wavelengths (subbands) [rad/m].
 
-WIDTH: Array = INTEGRALS[ALL] / (2 * np.pi)
-"""Of each wave [1/m]: 2 WIDTH L numbers of it are independent along a length L."""
+The product with the density at each subband is that subband's contribution to the variance in the band.
+"""
 
-POWER = _power()
-"""∫T_j² dΩ: the mean square of a wave over the density at it (waves) [rad/m]."""
+SUBBAND_WIDTHS: Array = BAND_INTEGRALS[ALL_WAVELENGTHS] / (2 * np.pi)
+"""Width of each subband [1/m]: on a length X a subband has 2 X times its width independent values."""
 
-_MIDDLES = {band.name: np.sqrt(band.shortest * band.longest) for band in BANDS}
+SQUARED_GAIN_INTEGRALS = _squared_gain_integrals()
+"""∫T_j² dΩ (subbands) [rad/m]: mean square of a subband over the density at the subband."""
 
 
-def deviations(density: Array) -> dict[str, Array]:
-    """Standard deviations of what has a spectrum.
+def standard_deviations(density: Array) -> dict[str, Array]:
+    """Standard deviation in each band of an error with a given spectral density: s² = Σ_j S_j ∫|H|² T_j dΩ.
 
     Parameters
     ----------
-    density : at each wave (waves, ...) [m²/(rad/m)]
+    density : S_j, one-sided spectral density at each subband (subbands, ...) [m²/(rad/m)]
 
     Returns
     -------
-    by band, and for all waves (...) [m]
+    standard deviation by name of the band, and of `ALL_WAVELENGTHS` (...) [m]
+
+    Examples
+    --------
+    >>> round(float(standard_deviations(np.full(27, 1e-6))["D1"]), 6)
+    0.001375
     """
     return {
-        name: np.sqrt(np.tensordot(weight, density, axes=1)) for name, weight in INTEGRALS.items()
+        name: np.sqrt(np.tensordot(weight, density, axes=1))
+        for name, weight in BAND_INTEGRALS.items()
     }
-
-
-@dataclass(frozen=True, eq=False)
-class Stated:
-    """Spectra that follow from the standard deviations that a profile states.
-
-    Parameters
-    ----------
-    error : of its error (waves, k) [m²/(rad/m)]
-    prior : of the track before the pass, as it was taken to be (waves) [m²/(rad/m)]
-    """
-
-    error: Array
-    prior: Array
-
-
-def stated_by(profile: xr.Dataset, places: Array, name: str) -> Stated:
-    """The spectrum of a profile's error along the line.
-
-    1/P = 1/N + 1/S: the noise N runs straight between the bands, in logarithms, and goes on so beyond them; the prior S
-    has the form of FRA's spectra, and is as high as the standard deviation of the whole asks for.
-
-    Parameters
-    ----------
-    profile : profile contract
-    places : (k) [m]
-    name : of the pass, for messages
-
-    Raises
-    ------
-    DataError : it states none, or none in any band.
-    """
-    stated = {
-        (_band_of(str(one)) or ALL): _variance_at(profile, str(one), places)
-        for one in profile.data_vars
-        if str(one).startswith("standard_deviation")
-    }
-    bands = {band.name: stated[band.name] for band in BANDS if band.name in stated}
-    if ALL not in stated or not bands:
-        raise DataError(
-            f"{name}: it does not state its standard deviation, or not in any band, and cannot be weighed; give the "
-            "profile as infer wrote it, as .nc or with the columns standard_deviation_m, standard_deviation_D1_m ..."
-        )
-    return _fitted(bands, stated[ALL])
-
-
-def _band_of(variable: str) -> str:
-    return variable.removeprefix("standard_deviation").removeprefix("_")
-
-
-def _variance_at(profile: xr.Dataset, variable: str, places: Array) -> Array:
-    """Mean of the square over a stretch as long as the band's longest wave, which the draws leave uneven."""
-    distance, deviation = profile["distance"].to_numpy(), profile[variable].to_numpy()
-    known = np.isfinite(deviation)
-    distance, square = distance[known], np.maximum(deviation[known], LEAST) ** 2
-    if distance.size < 2:
-        return np.full(places.size, LEAST**2)
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (square[1:] + square[:-1]) * np.diff(distance))])
-    half = 0.5 * {band.name: band.longest for band in BANDS}.get(_band_of(variable), 0.0)
-    half = max(half, 0.5 * STEP)
-    middle = np.clip(places, distance[0], distance[-1])
-    low, high = np.maximum(middle - half, distance[0]), np.minimum(middle + half, distance[-1])
-    return (np.interp(high, distance, total) - np.interp(low, distance, total)) / (high - low)
-
-
-def _fitted(bands: Mapping[str, Array], everything: Array) -> Stated:
-    """Spectra whose variances are the stated ones: each height is scaled by what its variance lacks, over and over."""
-    middles = np.log([_MIDDLES[name] for name in bands])
-    target, weight = (np.stack([of[name] for name in bands]) for of in (bands, INTEGRALS))
-    longest = max(band.longest for band in BANDS if band.name in bands)
-    beyond = longest < LENGTHS
-    noise = np.log(target / weight.sum(axis=1)[:, None])
-    least, top = noise + np.log(_OWN), noise[-1] + 4.0
-    shape = 1.0 / ((1.0 + (OMEGA / KNEES[0]) ** 2) * (1.0 + (OMEGA / KNEES[1]) ** 2))[:, None]
-    prior = density = np.empty(0)
-    for _ in range(_ROUNDS):
-        prior = np.exp(top) * shape
-        density = 1.0 / (np.exp(-_straight(middles, noise)) + 1.0 / prior)
-        # Near ends a band's error is that of longer waves, which its filter lets through.
-        noise = np.maximum(noise + np.log(target / (weight @ density)), least)
-        parts = INTEGRALS[ALL][:, None] * density
-        rest = parts[beyond].sum(axis=0)
-        wanted = everything - parts[~beyond].sum(axis=0)
-        more = np.log(np.maximum(wanted, _LEFT * everything) / rest)
-        top += more
-        if np.abs(more).max(initial=0.0) < _SETTLED:
-            break
-    return Stated(density, np.median(prior, axis=1))
-
-
-def _straight(anchors: Array, heights: Array) -> Array:
-    """Logarithm of a density at all waves (waves, k), its slopes going on beyond the outer anchors."""
-    at = np.log(LENGTHS)
-    if anchors.size == 1:
-        return heights + _USUAL * (at - anchors)[:, None]
-    slopes = np.diff(heights, axis=0) / np.diff(anchors)[:, None]
-    piece = np.clip(np.searchsorted(anchors, at) - 1, 0, anchors.size - 2)
-    away = at[:, None] - anchors[piece][:, None]
-    line = heights[piece] + slopes[piece] * away
-    for outside, end, slope in (
-        (at < anchors[0], 0, slopes[0]),
-        (at > anchors[-1], -1, slopes[-1]),
-    ):
-        steady = np.clip(slope, _FLATTEST, _STEEPEST)
-        line[outside] = heights[end] + steady * (at[outside] - anchors[end])[:, None]
-    return line

@@ -1,9 +1,14 @@
-"""Passes side by side on one grid: what each says of every wave at every place, and how surely."""
+"""Passes on one grid, with the spectral densities of their errors and their components in each subband.
+
+Notation (theory, section 14), for pass i and one subband: estimate m_i, density P_i of its stated error, prior density
+S, gain G_i = 1 - P_i/S of the estimate, reference profile r. Spectra and weights are computed at nodes along the line,
+`NODE_SPACING` apart; profiles are held on a finer grid.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,144 +18,145 @@ from trackprofile.bands import resample
 from trackprofile.contracts import Quality, known_elevation
 from trackprofile.fusion.pass_alignment import AlignedPass
 from trackprofile.fusion.spectral_bands import (
-    LENGTHS,
-    OMEGA,
-    POWER,
-    STEP,
+    CENTRE_FREQUENCIES,
+    CENTRE_WAVELENGTHS,
+    SQUARED_GAIN_INTEGRALS,
     SpectralDecomposition,
     decompose_spectrum,
-    stated_by,
 )
+from trackprofile.fusion.stated_spectra import NODE_SPACING, spectra_from_standard_deviations
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TOGETHER = 50.0
-"""m within which passes that begin or end there are taken to begin or end together."""
+COMMON_END_DISTANCE = 50.0
+"""Passes whose ends lie within this distance of each other count as ending together [m]."""
 
-UNDONE = 0.25
-"""Share of a wave that an estimate has to hold, for the prior's part in it to be undone: else it would be blown up."""
+MIN_MEDIAN_GAIN = 0.25
+"""Median gain of the passes in a subband from which the prior is removed; division by a smaller one would amplify."""
 
 _FLAWED = Quality.UNCONVERGED | Quality.SATURATED | Quality.UNEXPLAINED
-_FAINT = 0.05  # share of a wave that is taken to be held at least
-_BEYOND = 4.0  # times the prior's density, from which what is there cannot be of it
-_FEATHER = 300.0  # m over which a pass fades in where passes are first put together
+_MIN_GAIN = 0.05
+_MAX_PRIOR_EXCESS = 4.0  # observed density over the stated prior, above which the prior cannot hold
+_TAPER_LENGTH = 300.0  # m, of the weights of the reference profile at the ends of a pass
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PassStack:
-    """Passes on the line's grid.
+    """Passes on one grid.
 
     Parameters
     ----------
-    passes : n of them
-    distance, spacing : of the grid (m) [m]
-    places : at which spectra and weights are held (k) [m]
-    level : of each pass, NaN where it says nothing (n, m) [m]
-    flags : sums of `Quality` (n, m)
-    stated : spectrum of each pass's error (n, waves, k) [m²/(rad/m)]
-    prior : of the track, before each pass (n, waves) [m²/(rad/m)]
-    slack : variance of each pass's place (n, k) [m²]
-    inside : how far each pass goes on to both sides without a gap or flaw (n, k) [m]
-    reference : a first guess of the line, NaN where no pass says anything (m) [m]
-    cut, cut_reference : the waves of each pass, and of the reference in the same pieces
-    whole : the waves of the reference
+    passes : the n aligned passes
+    distance : the grid (points) [m]
+    nodes : distances at which spectra and weights are computed (nodes) [m]
+    level : elevation of each pass, NaN where it is unknown (n, points) [m]
+    flags : sums of `Quality` (n, points)
+    error_density : stated density P_i of each pass's error (n, subbands, nodes) [m²/(rad/m)]
+    pass_prior : density S of the track before each pass (n, subbands) [m²/(rad/m)]
+    position_variance : variance of each pass's position along the line (n, nodes) [m²]
+    edge_distance : distance of each node to the nearest gap, flaw or end of each pass (n, nodes) [m]
+    reference : reference profile r, NaN where all passes have gaps (points) [m]
+    decompositions : subbands of each pass
+    reference_decompositions : subbands of the reference, with the gaps of each pass
+    reference_decomposition : subbands of the reference
     """
 
     passes: tuple[AlignedPass, ...]
     distance: Array
-    places: Array
+    nodes: Array
     level: Array
     flags: NDArray[np.int16]
-    stated: Array
-    prior: Array
-    slack: Array
-    inside: Array
+    error_density: Array
+    pass_prior: Array
+    position_variance: Array
+    edge_distance: Array
     reference: Array
-    cut: tuple[SpectralDecomposition, ...]
-    cut_reference: tuple[SpectralDecomposition, ...]
-    whole: SpectralDecomposition
+    decompositions: tuple[SpectralDecomposition, ...]
+    reference_decompositions: tuple[SpectralDecomposition, ...]
+    reference_decomposition: SpectralDecomposition
 
     @property
     def spacing(self) -> float:
-        """Of the grid [m]."""
+        """Distance between the points of the grid [m]."""
         return float(self.distance[1] - self.distance[0])
 
-    def along(self, values: Array) -> Array:
-        """What is held at the places (..., k), on the grid (..., m)."""
-        rows = values.reshape(-1, self.places.size)
-        found = np.stack([np.interp(self.distance, self.places, row) for row in rows])
-        return found.reshape(*values.shape[:-1], self.distance.size)
+    def interpolate(self, values: Array) -> Array:
+        """Values at the nodes (..., nodes), interpolated to the grid (..., points)."""
+        rows = values.reshape(-1, self.nodes.size)
+        on_grid = np.stack([np.interp(self.distance, self.nodes, row) for row in rows])
+        return on_grid.reshape(*values.shape[:-1], self.distance.size)
 
-    def cover(self, wave: int) -> Array:
-        """Share of its weight that each pass has in a wave, less where it ends sooner than others (n, k)."""
-        ramp = np.sin(0.5 * np.pi * np.minimum(self.inside / LENGTHS[wave], 1.0)) ** 2
-        best = ramp.max(axis=0)
-        return ramp / np.where(best > 0, best, 1.0)
+    def taper(self, subband: int) -> Array:
+        """Factor of each pass's weight, from 0 at its ends and gaps to 1 one wavelength inside (n, nodes) [-].
 
-    def undone(self, wave: int) -> bool:
-        """Whether the prior's part in the estimates is undone: where half of the passes hold enough of a wave."""
-        return float(np.median(self._held(wave).mean(axis=1))) >= UNDONE
-
-    def gain(self, wave: int) -> Array:
-        """Share of the wave that each pass's estimate holds, 1 - P/S (n, k) [-]; 1 where that is not undone."""
-        held = self._held(wave)
-        return held if self.undone(wave) else np.ones_like(held)
-
-    def before(self, wave: int) -> float:
-        """Density of the track before any pass [m²/(rad/m)]; infinite where the passes' part of it is not undone."""
-        return float(np.median(self.prior[:, wave])) if self.undone(wave) else np.inf
-
-    def alike(self, wave: int) -> Array:
-        """Density of the part of each pass's error that is the prior's doing, (1 - G) P, where that is not undone.
-
-        It is the same in all passes (n, k) [m²/(rad/m)].
+        It is relative to the largest one of all passes, so that a line's own ends are not tapered.
         """
-        left = (1.0 - self._held(wave)) * self.stated[:, wave]
-        return np.zeros_like(left) if self.undone(wave) else left
+        wavelength = CENTRE_WAVELENGTHS[subband]
+        ramp = np.sin(0.5 * np.pi * np.minimum(self.edge_distance / wavelength, 1.0)) ** 2
+        largest = ramp.max(axis=0)
+        return ramp / np.where(largest > 0, largest, 1.0)
 
-    def _held(self, wave: int) -> Array:
-        return np.maximum(1.0 - self.stated[:, wave] / self.prior[:, wave, None], _FAINT)
+    def removes_prior(self, subband: int) -> bool:
+        """Whether the prior is removed from the estimates: if the median gain is at least `MIN_MEDIAN_GAIN`."""
+        return float(np.median(self._stated_gain(subband).mean(axis=1))) >= MIN_MEDIAN_GAIN
 
-    def beside(self, wave: int) -> Array:
-        """What each pass says beyond the reference, m_i - G_i r (n, m) [m]."""
-        held = self.along(self.gain(wave))
-        # Most passes have the same pieces.
-        line = {
-            id(one): one.wave(wave) for one in {id(one): one for one in self.cut_reference}.values()
-        }
-        found = np.stack(
+    def gain(self, subband: int) -> Array:
+        """Gain G_i = 1 - P_i/S of each pass's estimate (n, nodes) [-]; 1 where the prior is not removed."""
+        gain = self._stated_gain(subband)
+        return gain if self.removes_prior(subband) else np.ones_like(gain)
+
+    def prior(self, subband: int) -> float:
+        """Density S of the track before any pass [m²/(rad/m)]; infinite where the prior is not removed."""
+        if not self.removes_prior(subband):
+            return np.inf
+        return float(np.median(self.pass_prior[:, subband]))
+
+    def common_error(self, subband: int) -> Array:
+        """Density (1 - G_i) P_i of the error that the prior causes alike in all passes (n, nodes) [m²/(rad/m)].
+
+        It is 0 where the prior is removed.
+        """
+        density = (1.0 - self._stated_gain(subband)) * self.error_density[:, subband]
+        return np.zeros_like(density) if self.removes_prior(subband) else density
+
+    def _stated_gain(self, subband: int) -> Array:
+        ratio = self.error_density[:, subband] / self.pass_prior[:, subband, None]
+        return np.maximum(1.0 - ratio, _MIN_GAIN)
+
+    def deviation_from_reference(self, subband: int) -> Array:
+        """Deviation of each pass's estimate from the reference, m_i - G_i r, 0 in gaps (n, points) [m]."""
+        gain = self.interpolate(self.gain(subband))
+        # Most passes share one decomposition of the reference.
+        distinct = {id(one): one for one in self.reference_decompositions}
+        reference = {key: one.subband(subband) for key, one in distinct.items()}
+        deviation = np.stack(
             [
-                own.wave(wave) - share * line[id(of)]
-                for own, of, share in zip(self.cut, self.cut_reference, held, strict=True)
+                own.subband(subband) - pass_gain * reference[id(of_reference)]
+                for own, of_reference, pass_gain in zip(
+                    self.decompositions, self.reference_decompositions, gain, strict=True
+                )
             ]
         )
-        return np.where(np.isfinite(self.level), found, 0.0)
+        return np.where(np.isfinite(self.level), deviation, 0.0)
 
-    def strength(self, wave: int) -> Array:
-        """Density of the reference in a wave, near each place (k) [m²/(rad/m)]."""
-        square = self.whole.wave(wave) ** 2
+    def track_density(self, subband: int) -> Array:
+        """Density of the reference profile around each node (nodes) [m²/(rad/m)]."""
+        square = self.reference_decomposition.subband(subband) ** 2
         known = np.isfinite(self.reference).astype(np.float64)
-        width = 2 * LENGTHS[wave] / self.spacing
-        share = np.maximum(smooth(known, width), 1e-3)
-        return np.interp(self.places, self.distance, smooth(square, width) / share) / POWER[wave]
+        width = 2 * CENTRE_WAVELENGTHS[subband] / self.spacing
+        share = np.maximum(moving_average(known, width), 1e-3)
+        mean_square = np.interp(self.nodes, self.distance, moving_average(square, width) / share)
+        return mean_square / SQUARED_GAIN_INTEGRALS[subband]
 
-    def misplaced(self, wave: int) -> Array:
-        """Density of the error of places that are unsure: (dz/dx)² δ² (n, k) [m²/(rad/m)]."""
-        return OMEGA[wave] ** 2 * self.strength(wave) * self.slack
-
-    def about(self, reference: Array) -> PassStack:
-        """The same with another guess of the line."""
-        return replace(
-            self,
-            reference=reference,
-            cut_reference=_cut_alike(reference, np.isfinite(self.level), self.spacing),
-            whole=decompose_spectrum(reference, self.spacing),
-        )
+    def position_error(self, subband: int) -> Array:
+        """Density of the error that an uncertain position causes, Ω² S σ_x² (n, nodes) [m²/(rad/m)]."""
+        slope_density = CENTRE_FREQUENCIES[subband] ** 2 * self.track_density(subband)
+        return slope_density * self.position_variance
 
 
-def smooth(values: Array, width: float) -> Array:
-    """Means along the last axis over a width in points, three times over."""
+def moving_average(values: Array, width: float) -> Array:
+    """Moving average along the last axis over a width in points, applied three times."""
     size = int(np.clip(round(width), 1, values.shape[-1]))
     for _ in range(3):
         values = uniform_filter1d(values, size, axis=-1, mode="nearest")
@@ -158,114 +164,134 @@ def smooth(values: Array, width: float) -> Array:
 
 
 def stack_passes(passes: Sequence[AlignedPass]) -> PassStack:
-    """Put passes on one grid from where the first ones begin to where the last ones end.
+    """Resample passes to one grid, from the start of the first ones to the end of the last ones.
 
-    Long waves of passes differ by millimetres: where one goes on alone for a few metres, the line would have a step.
+    Long wavelengths of passes differ by millimetres: a pass that extends alone beyond all others by a few metres would
+    cause a step. The grid therefore starts at the last of the starts that lie within `COMMON_END_DISTANCE` of the
+    first one, and ends likewise.
 
     Raises
     ------
     DataError : a pass does not state its standard deviation.
     """
-    spacing = min(float(np.median(np.diff(one.of.profile["distance"]))) for one in passes)
-    ends = [one.of.profile["distance"].to_numpy()[[0, -1]] for one in passes]
-    if len(passes) == 1:
-        first, last = ends[0]
-        distance = np.linspace(first, last, round(float(last - first) / spacing) + 1)
-    else:
-        starts, stops = np.array(ends).T
-        first = np.ceil(starts[starts < starts.min() + TOGETHER].max() / spacing - 1e-9)
-        last = np.floor(stops[stops > stops.max() - TOGETHER].min() / spacing + 1e-9)
-        distance = spacing * np.arange(first, last + 1)
-    places = np.linspace(
-        distance[0], distance[-1], max(2, round(float(np.ptp(distance)) / STEP) + 1)
-    )
-    level = np.stack([_on(one, distance) for one in passes])
+    distance = _common_grid(passes)
+    spacing = float(distance[1] - distance[0])
+    count = max(2, round(float(np.ptp(distance)) / NODE_SPACING) + 1)
+    nodes = np.linspace(distance[0], distance[-1], count)
+    level = np.stack([_level_on(one, distance) for one in passes])
     flags = np.stack([_flags_on(one, distance) for one in passes])
     known = np.isfinite(level)
-    spacing = float(distance[1] - distance[0])
-    said = [stated_by(one.of.profile, places, one.of.name) for one in passes]
-    stated = np.stack([_evened(one.error, places) for one in said])
-    inside = np.stack(
-        [_inside(k & ((f & _FLAWED) == 0), spacing) for k, f in zip(known, flags, strict=True)]
+    stated = [
+        spectra_from_standard_deviations(one.dated.profile, nodes, one.dated.name) for one in passes
+    ]
+    error_density = np.stack([_smoothed_density(one.error, nodes) for one in stated])
+    edge_distance = np.stack(
+        [
+            _edge_distance(k & ((f & _FLAWED) == 0), spacing)
+            for k, f in zip(known, flags, strict=True)
+        ]
     )
-    reference = _first_guess(level, inside, stated)
-    cut = tuple(decompose_spectrum(one, spacing) for one in level)
+    reference = _reference_profile(level, edge_distance, error_density)
+    decompositions = tuple(decompose_spectrum(one, spacing) for one in level)
     return PassStack(
         passes=tuple(passes),
         distance=distance,
-        places=places,
+        nodes=nodes,
         level=level,
         flags=flags,
-        stated=stated,
-        prior=_prior(cut, known, np.stack([one.prior for one in said])),
-        slack=np.stack([one.unsure(places) ** 2 for one in passes]),
-        inside=np.stack([np.interp(places, distance, one) for one in inside]),
+        error_density=error_density,
+        pass_prior=_pass_prior(decompositions, known, np.stack([one.prior for one in stated])),
+        position_variance=np.stack([one.position_deviation(nodes) ** 2 for one in passes]),
+        edge_distance=np.stack([np.interp(nodes, distance, one) for one in edge_distance]),
         reference=reference,
-        cut=cut,
-        cut_reference=_cut_alike(reference, known, spacing),
-        whole=decompose_spectrum(reference, spacing),
+        decompositions=decompositions,
+        reference_decompositions=_decompose_with_gaps(reference, known, spacing),
+        reference_decomposition=decompose_spectrum(reference, spacing),
     )
 
 
-def _on(one: AlignedPass, distance: Array) -> Array:
-    own = one.of.profile["distance"].to_numpy()
-    level = known_elevation(one.of.profile)
+def _common_grid(passes: Sequence[AlignedPass]) -> Array:
+    """Grid of all passes, with the smallest spacing of them (points) [m]."""
+    spacing = min(float(np.median(np.diff(one.dated.profile["distance"]))) for one in passes)
+    ends = [one.dated.profile["distance"].to_numpy()[[0, -1]] for one in passes]
+    if len(passes) == 1:
+        first, last = ends[0]
+        return np.linspace(first, last, round(float(last - first) / spacing) + 1)
+    starts, stops = np.array(ends).T
+    first_start = starts[starts < starts.min() + COMMON_END_DISTANCE].max()
+    last_stop = stops[stops > stops.max() - COMMON_END_DISTANCE].min()
+    first = np.ceil(first_start / spacing - 1e-9)
+    last = np.floor(last_stop / spacing + 1e-9)
+    return spacing * np.arange(first, last + 1)
+
+
+def _level_on(one: AlignedPass, distance: Array) -> Array:
+    own = one.dated.profile["distance"].to_numpy()
+    level = known_elevation(one.dated.profile)
     if own.size == distance.size and np.abs(own - distance).max() < 1e-6:
         return level
     return resample(own, level, distance)
 
 
 def _flags_on(one: AlignedPass, distance: Array) -> NDArray[np.int16]:
-    own = one.of.profile["distance"].to_numpy()
+    own = one.dated.profile["distance"].to_numpy()
     nearest = np.searchsorted((own[1:] + own[:-1]) / 2, distance)
-    return one.of.profile["quality"].to_numpy().astype(np.int16)[nearest]
+    return one.dated.profile["quality"].to_numpy().astype(np.int16)[nearest]
 
 
-def _inside(good: Mask, spacing: float) -> Array:
-    """Distance to the nearest point that is not good, beyond the ends nothing is [m]."""
+def _edge_distance(good: Mask, spacing: float) -> Array:
+    """Distance to the nearest point that is not good; beyond the ends none is [m]."""
     padded = np.concatenate([[False], good, [False]])
     return spacing * np.asarray(distance_transform_edt(padded))[1:-1]
 
 
-def _first_guess(level: Array, inside: Array, stated: Array) -> Array:
-    """Mean of the passes, weighted by what they know of the shorter waves, each fading in from its ends."""
-    knows = 1.0 / np.median(stated[:, LENGTHS < 25.0], axis=2).mean(axis=1)
-    weight = knows[:, None] * np.maximum(np.minimum(inside / _FEATHER, 1.0), 1e-6)
-    weight = np.where(np.isfinite(level), weight, 0.0)
+def _reference_profile(level: Array, edge_distance: Array, error_density: Array) -> Array:
+    """Mean of the passes, weighted by their precision at wavelengths below 25 m and tapered at their ends."""
+    short = error_density[:, CENTRE_WAVELENGTHS < 25.0]
+    precision = 1.0 / np.median(short, axis=2).mean(axis=1)
+    taper = np.maximum(np.minimum(edge_distance / _TAPER_LENGTH, 1.0), 1e-6)
+    weight = np.where(np.isfinite(level), precision[:, None] * taper, 0.0)
     total = weight.sum(axis=0)
     mean = np.sum(weight * np.nan_to_num(level), axis=0) / np.where(total > 0, total, 1.0)
     return np.where(total > 0, mean, np.nan)
 
 
-def _evened(density: Array, places: Array) -> Array:
-    """Each wave's density along the line, in the logarithmic mean over its length (waves, k)."""
-    step = float(places[1] - places[0])
+def _smoothed_density(density: Array, nodes: Array) -> Array:
+    """Density of each subband, with its logarithm averaged over the wavelength (subbands, nodes)."""
+    step = float(nodes[1] - nodes[0])
     return np.stack(
         [
-            np.exp(smooth(np.log(one), length / step))
-            for one, length in zip(density, LENGTHS, strict=True)
+            np.exp(moving_average(np.log(one), wavelength / step))
+            for one, wavelength in zip(density, CENTRE_WAVELENGTHS, strict=True)
         ]
     )
 
 
-def _prior(cut: Sequence[SpectralDecomposition], known: Mask, prior: Array) -> Array:
-    """Density of the track before each pass (n, waves); what a pass shows, where that is far beyond what it stands for.
+def _pass_prior(
+    decompositions: Sequence[SpectralDecomposition], known: Mask, prior: Array
+) -> Array:
+    """Density of the track before each pass (n, subbands): the stated one, or the observed one if far larger.
 
-    A profile whose long waves were taken out states too little of the whole.
+    A profile whose long wavelengths were filtered out states too small a standard deviation of the whole.
     """
-    shown = np.array(
+    observed = np.array(
         [
-            [np.mean(one.wave(wave)[here] ** 2) for wave in range(LENGTHS.size)]
-            for one, here in zip(cut, known, strict=True)
+            [np.mean(one.subband(index)[inside] ** 2) for index in range(CENTRE_WAVELENGTHS.size)]
+            for one, inside in zip(decompositions, known, strict=True)
         ]
     )
-    return np.where(shown / POWER > _BEYOND * prior, shown / POWER, prior)
+    observed = observed / SQUARED_GAIN_INTEGRALS
+    return np.where(observed > _MAX_PRIOR_EXCESS * prior, observed, prior)
 
 
-def _cut_alike(reference: Array, known: Mask, spacing: float) -> tuple[SpectralDecomposition, ...]:
-    """The reference in the pieces of each pass: its ends then mislead both alike."""
-    made: dict[bytes, SpectralDecomposition] = {}
-    for here in known:
-        if here.tobytes() not in made:
-            made[here.tobytes()] = decompose_spectrum(np.where(here, reference, np.nan), spacing)
-    return tuple(made[here.tobytes()] for here in known)
+def _decompose_with_gaps(
+    reference: Array, known: Mask, spacing: float
+) -> tuple[SpectralDecomposition, ...]:
+    """Subbands of the reference with the gaps of each pass, so that the effects of ends are equal in both."""
+    by_gaps: dict[bytes, SpectralDecomposition] = {}
+    for inside in known:
+        if inside.tobytes() not in by_gaps:
+            by_gaps[inside.tobytes()] = decompose_spectrum(
+                np.where(inside, reference, np.nan), spacing
+            )
+    return tuple(by_gaps[inside.tobytes()] for inside in known)

@@ -1,4 +1,8 @@
-"""What each pass is worth: how loud it is, what it shares with others, and whether it is to be believed."""
+"""Error variances of all passes, common errors of vehicles, and the passes that are rejected or down-weighted.
+
+The estimation alternates: variance components are estimated (`variance_components`), the worst pass that contradicts
+the others is rejected (`rejection`), and all is estimated again, until no pass contradicts.
+"""
 
 from __future__ import annotations
 
@@ -9,228 +13,266 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.arrays import runs
-from trackprofile.fusion.combine import without_each
-from trackprofile.fusion.estimator import Trust, weights
+from trackprofile.fusion.combine import combine_others
+from trackprofile.fusion.generalised_least_squares import PassErrorModel, least_squares_weights
 from trackprofile.fusion.rejection import (
     Contradiction,
+    OutlierStretches,
     RejectionReason,
-    Stretches,
-    likeness,
-    louder_in,
-    louder_stretches,
-    outlying,
-    reason_of,
+    band_variance_ratio,
+    find_outlier_stretches,
+    outlier_passes,
+    regress_on_line,
+    rejection_reason,
 )
-from trackprofile.fusion.spectral_bands import JUDGED, RANGES
+from trackprofile.fusion.spectral_bands import BAND_RANGES, RANGES
 from trackprofile.fusion.stack import PassStack
 from trackprofile.fusion.variance_components import (
     CovarianceCells,
-    Factors,
+    VarianceComponents,
     covariance_cells,
-    factors,
+    estimate_variance_components,
 )
 from trackprofile.fusion.vehicle_effects import (
-    VehicleEffects,
-    hidden_by,
-    notes_on,
-    shared_by,
-    vehicle_effects,
+    PassVehicles,
+    hidden_share,
+    pass_vehicles,
+    vehicle_notes,
+    vehicle_variance,
 )
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
-FEWEST = 3
-"""Passes from which one of them can be told to contradict the others."""
+MIN_PASSES = 3
+"""Number of passes from which the contradiction of one of them is identifiable."""
 
-TELLING = 1.5
-"""Standard deviations of the passes' scatter, over the stated, from which it is said."""
+REPORTED_SCATTER = 1.5
+"""Standard deviation of the passes' scatter, over the stated one, from which it is reported."""
 
-_HERE_AND_THERE = (
-    1 / 3
-)  # of a pass, on which it may contradict the others without doing so as a whole
-_ROUNDS = 4  # in which stretches are taken out
+_MAX_OUTLIER_SHARE = 1 / 3
+"""Share of a pass up to which it may contradict the others on stretches without contradicting as a whole."""
+
+_MAX_ITERATIONS = 4  # in which stretches are excluded
 
 
 @dataclass(frozen=True, eq=False)
 class PassWeights:
-    """Passes and what they are worth.
+    """Error variances and weights of the passes.
 
     Parameters
     ----------
-    days : of the passes, about their mean (n)
-    active : passes that are used (n)
-    trust : in each
-    times : by band, the error of each over what it states, in standard deviations (n)
-    share : by band, what of the line rests on each, in the mean (n)
-    contradictions, notes : what was found
+    days : days of the passes, relative to their mean (n) [day]
+    active : which passes are used (n)
+    errors : error variances of the passes
+    error_ratio : by band, standard deviation of each pass's error over the stated one (n) [-]
+    share : by band, mean weight of each pass in the line (n) [-]
+    contradictions, notes : passes that contradict the others, and remarks in sentences
     """
 
     days: Array
     active: Mask
-    trust: Trust
-    times: Mapping[str, Array]
+    errors: PassErrorModel
+    error_ratio: Mapping[str, Array]
     share: Mapping[str, Array]
     contradictions: tuple[Contradiction, ...]
     notes: tuple[str, ...]
 
 
-def estimate_weights(laid: PassStack) -> PassWeights:
-    """Find the variances that make the passes' differences most probable, and leave out what contradicts the rest."""
-    days = np.array([one.of.day.toordinal() for one in laid.passes], np.float64)
+def estimate_weights(stack: PassStack) -> PassWeights:
+    """Estimate the error variances of the passes by maximum likelihood, rejecting passes that contradict the rest."""
+    days = np.array([one.dated.day.toordinal() for one in stack.passes], np.float64)
     days -= days.mean()
-    vehicles = vehicle_effects(laid)
-    every = [covariance_cells(laid, part) for part in RANGES]
-    active, said = np.ones(days.size, bool), dict[int, Contradiction]()
-    times = {part.name: np.ones(days.size) for part in JUDGED}
+    vehicles = pass_vehicles(stack)
+    cells = [covariance_cells(stack, part) for part in RANGES]
+    active, contradictions = np.ones(days.size, bool), dict[int, Contradiction]()
+    error_ratio = {part.name: np.ones(days.size) for part in BAND_RANGES}
     while True:
-        found, apart = _fitted(laid, every, days, vehicles, active)
-        for part in JUDGED:
-            over = louder_in(part, laid, found[RANGES.index(part)].louder)
-            times[part.name] = np.where(active, np.sqrt(over), times[part.name])
-        trust = _trust(laid, found, active, vehicles)
-        worst = _worst(laid, found, active, said)
+        components, outliers = _estimate_components(stack, cells, days, vehicles, active)
+        for part in BAND_RANGES:
+            ratio = band_variance_ratio(part, stack, components[RANGES.index(part)].variance_ratio)
+            error_ratio[part.name] = np.where(active, np.sqrt(ratio), error_ratio[part.name])
+        errors = _error_model(stack, components, active, vehicles)
+        worst = _worst_pass(stack, components, active, contradictions)
         if worst is None:
             break
         i, bands = worst
-        said[i] = _contradiction(laid, trust, i, bands, _ends(laid, i))
-        active[i] = said[i].used
-    local, places = _stretch_by_stretch(laid, apart, trust)
-    trust = replace(trust, local=local)
-    notes = (
-        *_on_scatter(times, active),
-        *notes_on(vehicles, laid, found, active, trust.hidden),
+        contradictions[i] = _contradiction(stack, errors, i, bands, _ends(stack, i))
+        active[i] = contradictions[i].used
+    local_ratio, local = _local_contradictions(stack, outliers, errors)
+    errors = replace(errors, local_ratio=local_ratio)
+    return PassWeights(
+        days=days,
+        active=active,
+        errors=errors,
+        error_ratio=error_ratio,
+        share=_weight_shares(stack, days, errors),
+        contradictions=(*contradictions.values(), *local),
+        notes=(
+            *_scatter_notes(error_ratio, active),
+            *vehicle_notes(vehicles, stack, components, active, errors.hidden_share),
+        ),
     )
-    shares = _shares(laid, days, trust)
-    return PassWeights(days, active, trust, times, shares, (*said.values(), *places), notes)
 
 
-def _fitted(
-    laid: PassStack,
-    every: Sequence[CovarianceCells],
+def _estimate_components(
+    stack: PassStack,
+    cells: Sequence[CovarianceCells],
     days: Array,
-    vehicles: VehicleEffects,
+    vehicles: PassVehicles,
     active: Mask,
-) -> tuple[list[Factors], dict[int, Stretches]]:
-    """The variances, and by range where passes are louder still.
+) -> tuple[list[VarianceComponents], dict[int, OutlierStretches]]:
+    """Variance components of each range, and by range the stretches on which passes contradict the others.
 
-    A stretch where a pass contradicts the others says nothing of the rest of it, unless it does so all along.
+    A stretch on which a pass contradicts the others is excluded from its variance, unless it contradicts all along.
     """
-    told = [np.broadcast_to(active, each.there.shape) for each in every]
-    found, apart = list[Factors](), dict[int, Stretches]()
-    tied = vehicles.tied(active)
-    for round_ in range(_ROUNDS):
-        found = [
-            # Of waves beyond the bands no pass says how well it knows them: they show no vehicle.
-            factors(each.of(here), days, vehicles.number, tied if part in JUDGED else tied[:0])
-            for part, each, here in zip(RANGES, every, told, strict=True)
+    included = [np.broadcast_to(active, each.informative.shape) for each in cells]
+    components, outliers = list[VarianceComponents](), dict[int, OutlierStretches]()
+    tied = vehicles.tied_variances(active)
+    for iteration in range(_MAX_ITERATIONS):
+        components = [
+            # Outside the bands profiles state no standard deviation, and determine no vehicle's error.
+            estimate_variance_components(
+                each.restricted_to(mask),
+                days,
+                vehicles.index,
+                tied if part in BAND_RANGES else tied[:0],
+            )
+            for part, each, mask in zip(RANGES, cells, included, strict=True)
         ]
         settled = True
-        for part in JUDGED if active.sum() >= FEWEST else ():
+        for part in BAND_RANGES if active.sum() >= MIN_PASSES else ():
             number = RANGES.index(part)
-            of, one = every[number].of(active), found[number]
-            if round_ == 0:
-                # What a pass has in a few stretches is in its variance still, and would hide them.
-                usual = np.median(one.louder[active], axis=0)
-                one = replace(one, louder=np.minimum(one.louder, usual))
-            apart[number] = louder_stretches(of, part, laid, days, vehicles.number, one)
-            beyond = apart[number].louder > 1
-            beyond &= beyond.mean(axis=1, keepdims=True) < _HERE_AND_THERE
-            left = active & ~beyond.T[np.searchsorted(apart[number].start, of.start)]
-            settled &= bool((left == told[number]).all()) and round_ > 0
-            told[number] = left
+            active_cells, estimate = cells[number].restricted_to(active), components[number]
+            if iteration == 0:
+                # An error on a few stretches is still part of the pass's variance, and would mask itself.
+                typical = np.median(estimate.variance_ratio[active], axis=0)
+                estimate = replace(
+                    estimate, variance_ratio=np.minimum(estimate.variance_ratio, typical)
+                )
+            outliers[number] = find_outlier_stretches(
+                active_cells, part, stack, days, vehicles.index, estimate
+            )
+            remaining = active & ~_excluded(outliers[number], active_cells)
+            settled &= bool((remaining == included[number]).all()) and iteration > 0
+            included[number] = remaining
         if settled:
             break
-    return found, apart
+    return components, outliers
 
 
-def _trust(
-    laid: PassStack, found: Sequence[Factors], active: Mask, vehicles: VehicleEffects
-) -> Trust:
-    return Trust(
-        louder=np.concatenate([each.louder for each in found], axis=1),
-        local=np.ones((active.size, len(RANGES), laid.places.size)),
+def _excluded(outliers: OutlierStretches, cells: CovarianceCells) -> Mask:
+    """Cells that are excluded from the variance of each pass (cells, n)."""
+    outlying = outliers.variance_ratio > 1
+    outlying &= outlying.mean(axis=1, keepdims=True) < _MAX_OUTLIER_SHARE
+    return outlying.T[np.searchsorted(outliers.start, cells.start)]
+
+
+def _error_model(
+    stack: PassStack,
+    components: Sequence[VarianceComponents],
+    active: Mask,
+    vehicles: PassVehicles,
+) -> PassErrorModel:
+    return PassErrorModel(
+        variance_ratio=np.concatenate([one.variance_ratio for one in components], axis=1),
+        local_ratio=np.ones((active.size, len(RANGES), stack.nodes.size)),
         used=active,
-        shared=shared_by(vehicles, found),
-        hidden=hidden_by(vehicles, laid, found, active),
-        vehicle=vehicles.number,
+        vehicle_variance=vehicle_variance(vehicles, components),
+        hidden_share=hidden_share(vehicles, stack, components, active),
+        vehicle=vehicles.index,
     )
 
 
-def _worst(
-    laid: PassStack, found: Sequence[Factors], active: Mask, said: Container[int]
+def _worst_pass(
+    stack: PassStack,
+    components: Sequence[VarianceComponents],
+    active: Mask,
+    reported: Container[int],
 ) -> tuple[int, Mapping[str, float]] | None:
-    """The pass that contradicts the others most, of those of which it is not yet said."""
-    if active.sum() < FEWEST:
+    """Index and error ratios of the pass that contradicts the others most, of those not yet reported."""
+    if active.sum() < MIN_PASSES:
         return None
-    judged = [found[RANGES.index(part)] for part in JUDGED]
-    every = outlying(laid, judged, active)
-    left = {i: times for i, times in every.items() if i not in said}
-    return max(left.items(), key=lambda one: max(one[1].values()), default=None)
+    in_bands = [components[RANGES.index(part)] for part in BAND_RANGES]
+    outliers = outlier_passes(stack, in_bands, active)
+    unreported = {i: ratios for i, ratios in outliers.items() if i not in reported}
+    return max(unreported.items(), key=lambda one: max(one[1].values()), default=None)
 
 
-def _ends(laid: PassStack, i: int) -> tuple[float, float]:
-    known = laid.distance[np.isfinite(laid.level[i])]
+def _ends(stack: PassStack, i: int) -> tuple[float, float]:
+    known = stack.distance[np.isfinite(stack.level[i])]
     return float(known[0]), float(known[-1])
 
 
 def _contradiction(
-    laid: PassStack, trust: Trust, i: int, times: Mapping[str, float], ends: tuple[float, float]
+    stack: PassStack,
+    errors: PassErrorModel,
+    i: int,
+    ratios: Mapping[str, float],
+    ends: tuple[float, float],
 ) -> Contradiction:
-    """Say why a pass contradicts the others from one place to another; only noise is no reason to leave it out."""
-    line = without_each(laid, trust)[i]
-    reason, size = reason_of(likeness(laid, i, line, times, *ends))
+    """Contradiction of a pass between two ends, with its reason; a pass that is only noisy remains in use."""
+    line = combine_others(stack, errors)[i]
+    reason, magnitude = rejection_reason(regress_on_line(stack, i, line, ratios, *ends))
     return Contradiction(
-        laid.passes[i].of.name, reason, *ends, tuple(times), max(times.values()), size,
+        stack.passes[i].dated.name,
+        reason,
+        *ends,
+        bands=tuple(ratios),
+        error_ratio=max(ratios.values()),
+        magnitude=magnitude,
         used=reason is RejectionReason.NOISE,
-    )  # fmt: skip
+    )
 
 
-def _stretch_by_stretch(
-    laid: PassStack, apart: Mapping[int, Stretches], trust: Trust
+def _local_contradictions(
+    stack: PassStack, outliers: Mapping[int, OutlierStretches], errors: PassErrorModel
 ) -> tuple[Array, list[Contradiction]]:
-    """How much louder passes are on stretches where they contradict the others (n, ranges, k), and where that is."""
-    local, said = np.ones(trust.local.shape), list[Contradiction]()
-    for number, judged in apart.items():
-        for i in np.flatnonzero((judged.louder > 1).any(axis=1)):
-            local[i, number] = _faded(judged, judged.louder[i], laid.places)
-            for run in runs(judged.louder[i] > 1):
-                ends = float(judged.start[run.start]), float(judged.end[run.stop - 1])
-                times = {RANGES[number].name: float(np.sqrt(judged.louder[i, run].max()))}
-                one = _contradiction(laid, trust, int(i), times, ends)
-                said.append(replace(one, used=True))
-    # What lies beyond the bands goes with the nearest.
-    local[:, 0], local[:, -1] = local[:, 1], local[:, -2]
-    return local, said
+    """Factor of the passes' variances along the line (n, ranges, nodes), and the stretches where it exceeds 1."""
+    local_ratio, contradictions = np.ones(errors.local_ratio.shape), list[Contradiction]()
+    for number, stretches in outliers.items():
+        for i in np.flatnonzero((stretches.variance_ratio > 1).any(axis=1)):
+            ratio = stretches.variance_ratio[i]
+            local_ratio[i, number] = _ratio_at_nodes(stretches, ratio, stack.nodes)
+            for run in runs(ratio > 1):
+                ends = float(stretches.start[run.start]), float(stretches.end[run.stop - 1])
+                ratios = {RANGES[number].name: float(np.sqrt(ratio[run].max()))}
+                one = _contradiction(stack, errors, int(i), ratios, ends)
+                contradictions.append(replace(one, used=True))
+    # Wavelengths outside the bands have the factor of the nearest band.
+    local_ratio[:, 0], local_ratio[:, -1] = local_ratio[:, 1], local_ratio[:, -2]
+    return local_ratio, contradictions
 
 
-def _faded(of: Stretches, louder: Array, places: Array) -> Array:
-    """The factor along the line: all of it on its stretch, fading to the middle of the next."""
-    middle = 0.5 * (of.start + of.end)
-    edges = np.append(of.start, of.end[-1])
-    at_edges = np.maximum(np.append(louder, 1.0), np.append(1.0, louder))
+def _ratio_at_nodes(stretches: OutlierStretches, ratio: Array, nodes: Array) -> Array:
+    """The ratio at the nodes: that of the stretch inside it, log-linear to the middle of the next stretch."""
+    middle = 0.5 * (stretches.start + stretches.end)
+    edges = np.append(stretches.start, stretches.end[-1])
+    at_edges = np.maximum(np.append(ratio, 1.0), np.append(1.0, ratio))
     order = np.argsort(np.concatenate([middle, edges]), kind="stable")
     at = np.concatenate([middle, edges])[order]
-    return np.exp(np.interp(places, at, np.log(np.concatenate([louder, at_edges])[order])))
+    return np.exp(np.interp(nodes, at, np.log(np.concatenate([ratio, at_edges])[order])))
 
 
-def _on_scatter(times: Mapping[str, Array], active: Mask) -> list[str]:
-    usual = {name: float(np.median(each[active])) for name, each in times.items()}
+def _scatter_notes(error_ratio: Mapping[str, Array], active: Mask) -> list[str]:
+    typical = {name: float(np.median(each[active])) for name, each in error_ratio.items()}
     return [
-        f"{name}: the passes scatter {one:.2g} times as much as they state, and were taken at that"
-        for name, one in usual.items()
-        if one > TELLING
+        f"{name}: the passes scatter {one:.2g} times as much as they state, and their variances were increased "
+        "accordingly"
+        for name, one in typical.items()
+        if one > REPORTED_SCATTER
     ]
 
 
-def _shares(laid: PassStack, days: Array, trust: Trust) -> dict[str, Array]:
-    """What of the line on the mean day rests on each pass, by band."""
-    found = {}
-    for part in JUDGED:
-        of_waves = [
-            (laid.gain(wave) * weights(laid, wave, days, trust, 0.0).level).mean(axis=1)
-            for wave in part.numbers
+def _weight_shares(stack: PassStack, days: Array, errors: PassErrorModel) -> dict[str, Array]:
+    """Mean weight of each pass in the line on the mean day, by band."""
+    shares = {}
+    for part in BAND_RANGES:
+        in_subbands = [
+            (stack.gain(index) * least_squares_weights(stack, index, days, errors, 0.0).level).mean(
+                axis=1
+            )
+            for index in part.indices
         ]
-        found[part.name] = np.mean(of_waves, axis=0)
-    return found
+        shares[part.name] = np.mean(in_subbands, axis=0)
+    return shares
