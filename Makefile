@@ -3,38 +3,48 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: help set-up demo test docs bench acceptance lock clean
+.PHONY: help set-up demo test lint types unit-test docs docs-build docs-examples bench acceptance lock clean
 
-help: ## these lines
+help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
 
-set-up: $(READY) ## install into .venv exactly what requirements.lock says
+set-up: $(READY) ## install the package, its extras and the tools into .venv, in the versions of requirements.lock
 
-demo: $(READY) ## the main job on a built-in recording, into the folder demo
+demo: $(READY) ## run the main job on a simulated recording; results in the folder demo
 	$(BIN)/trackprofile demo -o demo
 
-test: $(READY) ## style, types, and all tests but those of acceptance
+test: lint types unit-test ## check style and types, run all tests except the acceptance tests
+
+lint: $(READY) ## check style and format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: $(READY) ## check types
 	$(BIN)/pyright
+
+unit-test: $(READY) ## run all tests except the acceptance tests
 	$(BIN)/pytest -q -rs -n auto --dist loadscope
 
-docs: $(READY) ## the manual, into docs/_build/html, and all its examples run (minutes)
+docs: docs-build docs-examples ## build the manual into docs/_build/html and run its examples
+
+docs-build: $(READY) ## build the manual and run the Python examples in it
 	$(BIN)/sphinx-build -q -W --keep-going -n -E -d docs/_build/doctrees docs docs/_build/html
 	$(BIN)/sphinx-build -q -W --keep-going -n -b doctest -d docs/_build/doctrees docs docs/_build/doctest
-	$(BIN)/pytest -q -rs -m "" tests/test_manual.py
 
-bench: $(READY) ## the figures of speed that the README quotes
+docs-examples: $(READY) ## run the commands that the manual shows and compare their output
+	$(BIN)/pytest -q -rs -n auto -m "" tests/test_manual.py
+
+bench: $(READY) ## measure the speed and memory figures that the README states
 	$(BIN)/trackprofile bench
 
-acceptance: $(READY) ## the slow tests, and those on data that stand beside the project
+acceptance: $(READY) ## run the slow tests and the tests on data that are not part of the repository
 	$(BIN)/pytest -q -rs -m acceptance
 
-lock: $(READY) ## choose the versions anew (needs uv: https://docs.astral.sh/uv)
+lock: $(READY) ## update requirements.lock to the newest versions (needs uv: https://docs.astral.sh/uv)
 	uv pip compile --quiet --universal --generate-hashes --upgrade --no-annotate --python-version 3.11 --extra dev \
 		--extra docs --extra mdf --extra network --extra plot --extra tdms --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
 
-clean: ## remove what the targets above made
+clean: ## remove the files that these targets create
 	rm -rf .venv demo dist docs/_build .pytest_cache .ruff_cache .hypothesis .benchmarks
 
 $(READY): requirements.lock pyproject.toml
