@@ -16,8 +16,7 @@ import time
 from pathlib import Path
 
 from trackprofile.errors import TrackprofileError
-from trackprofile.io import read
-from trackprofile.io.inspection import inspect
+from trackprofile.reader import inspect, read
 
 SLOWEST = 20  # s
 MOST_MEMORY = 1 << 30  # bytes beyond what the libraries take

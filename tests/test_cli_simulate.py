@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from trackprofile.cli import main
-from trackprofile.io import read
+from trackprofile.reader import read
 from trackprofile.scenario import PRESETS
 
 

@@ -23,7 +23,6 @@ from trackprofile.contracts import Quality, build_profile, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
 from trackprofile.inference.infer import Estimate, estimate
-from trackprofile.io import read
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.models.receptance import point_track
@@ -32,6 +31,7 @@ from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import PointTrack, RigidTrack
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.preprocessing.motion import motion
+from trackprofile.reader import read
 
 Array = np.ndarray
 BANDS = (D1, D2)

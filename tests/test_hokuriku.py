@@ -19,10 +19,10 @@ from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.calibration.calibrate import Calibration, calibrate
 from trackprofile.contracts import between, build_profile
 from trackprofile.inference.infer import infer
-from trackprofile.io import read
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.positioning.chainage import ChainageTable
+from trackprofile.reader import read
 from trackprofile.reporting.contents import Report, differences
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hokuriku"

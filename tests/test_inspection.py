@@ -10,11 +10,12 @@ import pytest
 from trackprofile.cli import main
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.errors import FileError
-from trackprofile.io import read, write
+from trackprofile.io import write
 from trackprofile.io.column_guess import Role, guess
 from trackprofile.io.column_info import ColumnInfo
-from trackprofile.io.inspection import inspect, write_toml
+from trackprofile.io.inspection import write_toml
 from trackprofile.preprocessing.faults import FaultKind
+from trackprofile.reader import inspect, read
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ LAYERS = (
     {"kalman", "preprocessing", "simulation"},
     {"positioning"},
     {"inference", "io"},
-    {"calibration", "methods"},
+    {"calibration", "methods", "reader"},
     {"assessment"},
     {"checkpoint", "fusion", "scenario", "store"},
     {"reporting"},

@@ -25,11 +25,12 @@ from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
 from trackprofile.inference.blocks import BlockResult
 from trackprofile.inference.infer import estimate
-from trackprofile.io import read, write
+from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Sampled
 from trackprofile.models.receptance import point_track
+from trackprofile.reader import read
 from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
 from trackprofile.simulation.speed_schedule import constant_speed
 

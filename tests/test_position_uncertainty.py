@@ -13,7 +13,7 @@ from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.assessment.tables import defect_table
 from trackprofile.contracts import Channel, build_profile, build_recording
-from trackprofile.contracts.validation import steps_of
+from trackprofile.contracts.validation import provenance_steps
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, FileError, RowError
 from trackprofile.inference.infer import estimate
@@ -21,14 +21,15 @@ from trackprofile.inference.position_uncertainty import (
     correct_wheel_scale,
     position_standard_deviation,
 )
-from trackprofile.io import read, write
-from trackprofile.io.inspection import inspect, write_toml
+from trackprofile.io import write
+from trackprofile.io.inspection import write_toml
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import write_columns
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.preprocessing.faults import FaultKind, find_faults
+from trackprofile.reader import inspect, read
 from train_rides import DIAMETER, PULSE, PULSES, World, ride, sources
 
 Array = np.ndarray
@@ -98,12 +99,14 @@ def test_recording_without_a_distance_has_one_and_says_how_well(
     found = recorded(tmp_path, keys)
     assert np.max(np.abs(off(found, begin))) < most
     assert np.mean(np.abs(off(found, begin)) < 2.5 * found["distance_deviation"]) > 0.9
-    assert any(step.startswith("placed: places come from") for step in steps_of(found))
+    assert any(step.startswith("placed: places come from") for step in provenance_steps(found))
 
 
 def test_pulses_of_each_row_and_of_all_say_the_same(tmp_path: Path) -> None:
     whole = recorded(tmp_path, TIME + ODOMETER)
-    each = recorded(tmp_path, TIME + ODOMETER.replace('"count"', '"pulses"') + "each_row = true\n")
+    each = recorded(
+        tmp_path, TIME + ODOMETER.replace('"count"', '"pulses"') + "incremental = true\n"
+    )
     np.testing.assert_allclose(each["distance"], whole["distance"], atol=1e-6)
 
 
@@ -158,7 +161,8 @@ def test_way_gives_the_distance_its_beginning_and_its_direction(tmp_path: Path) 
     kilometre[[0, -1]] = [30.0, 30.0 - line.distance[-1] / 1e3]
     write_columns(tmp_path / "way.csv", table | {"kilometre": kilometre})
     found = recorded(
-        tmp_path, TIME + 'way = "way.csv"\ndirection = "with the kilometrage"\n' + GNSS + ODOMETER
+        tmp_path,
+        TIME + 'chainage = "way.csv"\ndirection = "with the kilometrage"\n' + GNSS + ODOMETER,
     )
     assert np.max(np.abs(off(found, RIDE.distance[0]))) < 2.0
     assert found.attrs["direction"] == "against the kilometrage"
@@ -201,14 +205,14 @@ def test_deviation_that_is_none_is_refused() -> None:
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        (TIME + ODOMETER.replace(f"wheel_diameter = {DIAMETER}\n", ""), "of pulses expected per_revolution, and wheel"),
-        (TIME + 'distance = { column = "rolled", unit = "km" }\n' + ODOMETER, "keep one of them"),
-        (GNSS, "Without a time nothing says where the train was"),
+        (TIME + ODOMETER.replace(f"wheel_diameter = {DIAMETER}\n", ""), "pulses need the keys 'per_revolution'"),
+        (TIME + 'distance = { column = "rolled", unit = "km" }\n' + ODOMETER, "describe the same wheel; remove one"),
+        (GNSS, "Positions cannot be assigned to samples without a time"),
         (TIME + GNSS.replace("°", "m"), "Unit 'm' is not one of angle"),
-        (TIME + GNSS.replace('"lat"', '"v"'), "gnss.latitude: expected -90 to 90°, found"),
-        (TIME + POSTS + 'data = "posts.csv"\n', "needs a key 'time' that says which column holds when"),
+        (TIME + GNSS.replace('"lat"', '"v"'), "gnss.latitude: expected -90 to 90°, got"),
+        (TIME + POSTS + 'data = "posts.csv"\n', "needs the key 'time', the column with the times at which"),
         (TIME + GNSS + 'height = 3\n', "unknown key 'height' in recording.gnss"),
-        (TIME + 'way = "nowhere.csv"\n' + GNSS, "expected a table of the way"),
+        (TIME + 'chainage = "nowhere.csv"\n' + GNSS, "expected a table of the way"),
         (TIME + 'leading_end = "front"\n' + GNSS, "leading_end"),
     ],
 )  # fmt: skip
@@ -251,7 +255,7 @@ def test_inspect_tells_positions_pulses_and_posts_and_writes_what_reads_them(
         'longitude = { column = "GPS_Lon", unit = "°" }',
         'column = "Wegimpulse"',
         'column = "km-Stein"',
-        "each_row = false",
+        "incremental = false",
     ):
         assert line in path.read_text(encoding="utf-8")
     assert "distance" in read(path)

@@ -35,12 +35,13 @@ from trackprofile.inference.blocks import BlockResult
 from trackprofile.inference.infer import Estimate, estimate, infer
 from trackprofile.inference.observations import observations
 from trackprofile.inference.rail_decomposition import decompose_rails, rail_levels
-from trackprofile.io import read, write
+from trackprofile.io import write
 from trackprofile.io.model_toml import read_spectrum, write_vehicle
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.track import RigidTrack
 from trackprofile.models.vehicle import VehicleParameter
+from trackprofile.reader import read
 from two_rails import WAGON, Ridden, random_rails, recorded, ride
 
 SPEED, SAMPLING, LENGTH = 30.0, 100.0, 300.0

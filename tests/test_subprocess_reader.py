@@ -18,10 +18,10 @@ BEHAVIOUR = """
 import os, time
 import numpy as np
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.column_info import Heading
+from trackprofile.io.column_info import ColumnInfo
 
 def headings_here(path):
-    return [Heading("a", "m", 3, "t")]
+    return [ColumnInfo("a", "m", 3, "t")]
 
 def read_here(path, names):
     what = path.read_text()

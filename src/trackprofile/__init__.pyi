@@ -4,7 +4,6 @@ from .assessment.trend import trend as trend
 from .calibration.calibrate import calibrate as calibrate
 from .inference.accuracy_bound import accuracy_bound as accuracy_bound
 from .inference.infer import infer as infer
-from .io import read as read
 from .io import write as write
 from .models.sensor import Sensor as Sensor
 from .models.spectrum import Spectrum as Spectrum
@@ -12,6 +11,7 @@ from .models.track import ElasticTrack as ElasticTrack
 from .models.track import LayeredTrack as LayeredTrack
 from .models.track import RigidTrack as RigidTrack
 from .models.vehicle import Vehicle as Vehicle
+from .reader import read as read
 from .reporting.report import report as report
 from .simulation.simulate import simulate as simulate
 

@@ -20,7 +20,7 @@ from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import FileError
 from trackprofile.inference.infer import Estimate, estimate
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.io import read, write
+from trackprofile.io import write
 from trackprofile.io.model_toml import (
     read_sensors,
     read_spectrum,
@@ -34,6 +34,7 @@ from trackprofile.models.spectrum import Spectrum, random_profile
 from trackprofile.models.statespace import StateSpace, state_space
 from trackprofile.models.track import PointTrack
 from trackprofile.models.vehicle import Vehicle
+from trackprofile.reader import read
 from trackprofile.reporting.result_files import write_estimate
 
 Array = NDArray[np.float64]

@@ -26,8 +26,8 @@ def inspect(
 
     The TOML says how the file is to be read. It is a guess: correct it before it is believed.
     """
-    from trackprofile.io.inspection import inspect as inspected
     from trackprofile.io.inspection import write_toml
+    from trackprofile.reader import inspect as inspected
 
     found = inspected(file)
     written = None if output is None else write_toml(found, output)

@@ -53,7 +53,7 @@ RailOf = Annotated[
 
 def read_as(path: Path, kind: str) -> xr.Dataset:
     """The recording or profile in a file; FileError where it is the other."""
-    from trackprofile.io import read
+    from trackprofile.reader import read
 
     dataset = read(path)
     found = dataset.attrs["kind_of_data"]

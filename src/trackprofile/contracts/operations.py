@@ -11,7 +11,7 @@ from trackprofile.arrays import integral
 from trackprofile.contracts.identity import IDENTITY, recording_identity, stretch_identity
 from trackprofile.contracts.rates import validate_rate
 from trackprofile.contracts.recording import validate_recording
-from trackprofile.contracts.validation import said, steps_of
+from trackprofile.contracts.validation import provenance_steps, said
 from trackprofile.errors import DataError
 
 
@@ -40,7 +40,7 @@ def with_provenance(dataset: xr.Dataset, step: str) -> xr.Dataset:
     >>> with_provenance(build_profile([0, 1], [0, 0], kind="truth"), "levelled").attrs["provenance"]
     '["levelled"]'
     """
-    steps = [*steps_of(dataset), step]
+    steps = [*provenance_steps(dataset), step]
     return dataset.assign_attrs(provenance=json.dumps(steps, ensure_ascii=False))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from trackprofile.contracts.identity import IDENTITY, check_identity
 from trackprofile.contracts.validation import (
     DEVIATION,
     Array,
@@ -91,6 +92,7 @@ def build_recording(
     distance_deviation: ArrayLike | None = None,
     wheel_scale: float | None = None,
     leading_end: str = "",
+    identity: str = "",
 ) -> xr.Dataset:
     """A recording from arrays in SI units, validated.
 
@@ -104,6 +106,7 @@ def build_recording(
     distance_deviation : (samples,), standard deviation of the distance [m]; None: not known
     wheel_scale : true over nominal diameter of the wheel, where positions have put the distance right by it
     leading_end : of the vehicle as it is described, where that is known: one of `ENDS`
+    identity : digest that identifies what was read from a file; "": the recording is identified by its arrays
 
     Raises
     ------
@@ -135,6 +138,8 @@ def build_recording(
         dataset.attrs["wheel_scale"] = float(wheel_scale)
     if leading_end:
         dataset.attrs["leading_end"] = leading_end
+    if identity:
+        dataset.attrs[IDENTITY] = identity
     if clock_fault is not None and np.any(clock_fault):
         put(dataset, "clock_fault", "sample", clock_fault, {}, np.int8)
     for channel in channels:
@@ -192,6 +197,7 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     if "clock_fault" in recording:
         flags_of(recording, "clock_fault", "sample")
     leading_end(recording)
+    check_identity(recording)
     scale = number_in({"wheel_scale": 1.0} | recording.attrs, "wheel_scale")
     if not 0 < scale < np.inf:
         raise DataError(

@@ -38,10 +38,10 @@ def expect_kind(dataset: xr.Dataset, kind: str) -> None:
     found = said(dataset.attrs, "kind_of_data")
     if found != kind:
         raise DataError(f"Expected a {kind} (attribute kind_of_data), got {found!r}.")
-    steps_of(dataset)
+    provenance_steps(dataset)
 
 
-def steps_of(dataset: xr.Dataset) -> list[str]:
+def provenance_steps(dataset: xr.Dataset) -> list[str]:
     """The provenance, step by step."""
     text = dataset.attrs.get("provenance", "[]")
     try:

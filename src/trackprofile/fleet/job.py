@@ -187,7 +187,7 @@ def _stored(store: Store, place: PassKey, origin: Origin) -> Entry | None:
 def recording_of(row: Row) -> xr.Dataset:
     """What a row takes of its recording."""
     from trackprofile.contracts import between
-    from trackprofile.io import read
+    from trackprofile.reader import read
 
     recording = read(row.file)
     if recording.attrs["kind_of_data"] != "recording":

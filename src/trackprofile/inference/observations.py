@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.contracts import Channel, channels
-from trackprofile.contracts.validation import steps_of
+from trackprofile.contracts.validation import provenance_steps
 from trackprofile.errors import DataError
 from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
@@ -132,7 +132,7 @@ def observations(recording: xr.Dataset, installation: Installation) -> Observati
         marked(frozenset(FaultKind) - {FaultKind.SATURATED}),
         (*faults, *_mounted(parts, upright, count)),
         (
-            *(step for step in steps_of(recording) if step.startswith((MENDED, PLACED))),
+            *(step for step in provenance_steps(recording) if step.startswith((MENDED, PLACED))),
             *lost,
             *(one.said for one in upright if one.said),
         ),

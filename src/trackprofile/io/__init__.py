@@ -22,6 +22,7 @@ import xarray as xr
 from trackprofile.contracts import validated
 from trackprofile.errors import FileError
 from trackprofile.io import netcdf, profile_table, recording_toml
+from trackprofile.io.unlocated_recording import UnlocatedRecording as UnlocatedRecording
 
 
 class Format(Protocol):
@@ -38,15 +39,18 @@ class Format(Protocol):
     @property
     def SUFFIXES(self) -> tuple[str, ...]: ...
     def sniff(self, path: Path) -> bool: ...
-    def read(self, path: Path) -> xr.Dataset: ...
+    def read(self, path: Path) -> xr.Dataset | UnlocatedRecording: ...
     def write(self, dataset: xr.Dataset, path: Path) -> tuple[Path, ...]: ...
 
 
 FORMATS: tuple[Format, ...] = (netcdf, profile_table, recording_toml)
 
 
-def read(path: str | Path) -> xr.Dataset:
-    """The recording or profile in a file, in SI units, validated.
+def read(path: str | Path) -> xr.Dataset | UnlocatedRecording:
+    """The recording or profile in a file, in SI units, validated; nothing is estimated.
+
+    A file with position sources (GNSS, wheel odometry, kilometre posts) gives an `UnlocatedRecording`, of which
+    `trackprofile.read` estimates the positions.
 
     Raises
     ------

@@ -118,9 +118,9 @@ def guess(heading: ColumnInfo, values: Array) -> Guess:
 
     Examples
     --------
-    >>> guess(Heading("Bogie acc z", "g"), np.array([1.0, 1.01]))
+    >>> guess(ColumnInfo("Bogie acc z", "g"), np.array([1.0, 1.01]))
     Guess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True, lateral=0.0)
-    >>> guess(Heading("GPS speed"), np.array([0.0, 140.0])).unit
+    >>> guess(ColumnInfo("GPS speed"), np.array([0.0, 140.0])).unit
     'km/h'
     """
     if heading.form:

@@ -46,7 +46,7 @@ def unique(headings: Sequence[ColumnInfo], groups: Sequence[str]) -> tuple[Colum
 
     Examples
     --------
-    >>> two = (Heading("a", clock="t"), Heading("t"), Heading("a", clock="t"), Heading("t"))
+    >>> two = (ColumnInfo("a", clock="t"), ColumnInfo("t"), ColumnInfo("a", clock="t"), ColumnInfo("t"))
     >>> [(one.name, one.clock) for one in unique(two, ("1", "1", "2", "2"))]
     [('1/a', '1/t'), ('1/t', ''), ('2/a', '2/t'), ('2/t', '')]
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,16 +11,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts.validation import steps_of
+from trackprofile.contracts.validation import provenance_steps
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.column_guess import SENSORS, STEADY, Guess, Role, guess
 from trackprofile.io.column_info import ColumnInfo
-from trackprofile.io.recording_columns import recording_of
-from trackprofile.io.recording_document import Document
+from trackprofile.io.recording_assembly import assemble_recording
+from trackprofile.io.recording_document import RecordingDocument
 from trackprofile.io.table import headings, read_columns
 from trackprofile.io.timestamps import seconds
+from trackprofile.io.unlocated_recording import UnlocatedRecording
 from trackprofile.preprocessing.faults import Fault, find_faults
 from trackprofile.units import unit_factor
 
@@ -58,7 +59,7 @@ class Inspection:
     notes: tuple[str, ...]
 
 
-def inspect(path: str | Path) -> Inspection:
+def inspect(path: str | Path, locate: Callable[[UnlocatedRecording], xr.Dataset]) -> Inspection:
     """Look into a logger's file.
 
     Raises
@@ -78,7 +79,7 @@ def inspect(path: str | Path) -> Inspection:
     contents = tuple(_content(path, one, values, clock) for one in found)
     contents = _speeds_checked(contents, values)
     text = _toml(path, contents)
-    recording, faults, notes = _tried(path, text)
+    recording, faults, notes = _tried(path, text, locate)
     return Inspection(path, contents, text, recording, faults, notes)
 
 
@@ -154,7 +155,7 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
     lines = [
         "# Written by trackprofile inspect. What is marked “guessed” is for you to correct.",
         "[recording]",
-        f"data = {toml_document.written(data)}",
+        f"data = {toml_document.toml_value(data)}",
     ]
     clocks = {one.heading.clock for one in contents} - {""}
     satellites = _by_satellite(contents)
@@ -178,17 +179,17 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
         lines += [
             "",
             "[[sensor]]",
-            f"column = {toml_document.written(one.heading.name)}",
-            f"unit = {toml_document.written(one.guess.unit)}{_mark(one)}",
-            f"quantity = {toml_document.written(str(one.guess.role))}",
-            f"body = {toml_document.written(one.guess.body)}  # guessed",
+            f"column = {toml_document.toml_value(one.heading.name)}",
+            f"unit = {toml_document.toml_value(one.guess.unit)}{_mark(one)}",
+            f"quantity = {toml_document.toml_value(str(one.guess.role))}",
+            f"body = {toml_document.toml_value(one.guess.body)}  # guessed",
             "position = 0.0  # guessed: m ahead of that body's centre",
         ]
         if one.guess.lateral:
             lines.append(f"lateral = {one.guess.lateral}  # guessed: m to the left of its middle")
     rest = [one.heading.name for one in contents if one.guess.role not in _USED]
     if rest:
-        lines += ["", "# Not used: " + ", ".join(map(toml_document.written, rest))]
+        lines += ["", "# Not used: " + ", ".join(map(toml_document.toml_value, rest))]
     return "\n".join(lines) + "\n"
 
 
@@ -217,9 +218,9 @@ def _by_wheel_and_posts(contents: Sequence[Content]) -> list[str]:
         lines += [
             "",
             "[recording.odometer]",
-            f"column = {toml_document.written(pulses.heading.name)}",
+            f"column = {toml_document.toml_value(pulses.heading.name)}",
             'unit = "pulses"',
-            f"each_row = {toml_document.written(pulses.falls)}  # guessed: pulses since the row before, or of all",
+            f"incremental = {toml_document.toml_value(pulses.falls)}  # guessed: true if each row has its own count",
             "per_revolution = 80  # guessed",
             "wheel_diameter = 0.92  # guessed: m",
         ]
@@ -228,14 +229,14 @@ def _by_wheel_and_posts(contents: Sequence[Content]) -> list[str]:
         lines += [
             "",
             "[recording.posts]",
-            f"column = {toml_document.written(post.heading.name)}",
-            f"unit = {toml_document.written(post.guess.unit)}{_mark(post)}",
+            f"column = {toml_document.toml_value(post.heading.name)}",
+            f"unit = {toml_document.toml_value(post.guess.unit)}{_mark(post)}",
         ]
     return lines
 
 
 def _quantity(content: Content) -> str:
-    return toml_document.written({"column": content.heading.name, "unit": content.guess.unit})
+    return toml_document.toml_value({"column": content.heading.name, "unit": content.guess.unit})
 
 
 _USED = {
@@ -255,10 +256,15 @@ def _mark(content: Content) -> str:
     return "" if content.guess.sure else "  # guessed"
 
 
-def _tried(path: Path, text: str) -> tuple[xr.Dataset | None, tuple[Fault, ...], tuple[str, ...]]:
+def _tried(
+    path: Path, text: str, locate: Callable[[UnlocatedRecording], xr.Dataset]
+) -> tuple[xr.Dataset | None, tuple[Fault, ...], tuple[str, ...]]:
     """The recording that the TOML makes of the file, or the sentence with which it does not."""
     try:
-        recording = recording_of(path, path, toml_document.parse(text, path, Document))
+        document = toml_document.parse(text, path, RecordingDocument)
+        recording = assemble_recording(path, path, document)
+        if isinstance(recording, UnlocatedRecording):
+            recording = locate(recording)
     except TrackprofileError as error:
         return None, (), (str(error),)
-    return recording, find_faults(recording), tuple(steps_of(recording)[1:])
+    return recording, find_faults(recording), tuple(provenance_steps(recording)[1:])

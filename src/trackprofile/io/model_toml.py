@@ -46,7 +46,7 @@ from trackprofile.errors import FileError, ModelError
 from trackprofile.io import model_tables as tables
 from trackprofile.io.atomic import check_places, whole_files
 from trackprofile.io.table import located
-from trackprofile.io.toml_document import document, load
+from trackprofile.io.toml_document import load, toml_text
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.sensor_errors import Instrument
 from trackprofile.models.spectrum import (
@@ -141,7 +141,7 @@ def write_vehicle(
     FileError : the path does not end in .toml, or cannot be written.
     """
     check_vehicle_place(path)
-    text = document(_vehicle_table(vehicle, installation, calibration or {}))
+    text = toml_text(_vehicle_table(vehicle, installation, calibration or {}))
     with whole_files(path) as (file,):
         file.write_text(text, encoding="utf-8")
 

@@ -12,6 +12,7 @@ from trackprofile.contracts import validated
 from trackprofile.errors import FileError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.column_info import Column
+from trackprofile.io.recording_identity import with_content, without_content
 from trackprofile.io.subprocess_reader import columns_apart
 from trackprofile.io.table import located
 
@@ -33,7 +34,7 @@ def read(path: Path) -> xr.Dataset:
     columns_apart(path, __name__, ())
     dataset = _loaded(path)
     with located(path):
-        return validated(dataset)
+        return validated(without_content(dataset))
 
 
 def read_here(path: Path, _names: Sequence[str]) -> dict[str, Column]:
@@ -44,6 +45,7 @@ def read_here(path: Path, _names: Sequence[str]) -> dict[str, Column]:
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
     """Write the dataset as it is."""
+    dataset = with_content(dataset)
     with whole_files(path) as (file,):
         dataset.to_netcdf(file, engine="h5netcdf")
     return (path,)

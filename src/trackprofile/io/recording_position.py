@@ -1,4 +1,4 @@
-"""What a recording's columns say of where the train was, and the distance that comes of it."""
+"""The position sources of a recording: GNSS positions, wheel odometry, kilometre posts and displayed speed."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ from numpy.typing import NDArray
 from trackprofile.arrays import recorded_step
 from trackprofile.errors import DataError
 from trackprofile.io import table
-from trackprofile.io.chainage_table import read_chainage
-from trackprofile.io.recording_document import ColumnReference, Head, Odometer
-from trackprofile.io.recording_document import PostColumns as PostKeys
+from trackprofile.io.column_info import Column
+from trackprofile.io.recording_document import (
+    ColumnReference,
+    Odometer,
+    PostColumns,
+    RecordingTable,
+)
+from trackprofile.io.recording_identity import RawTables
 from trackprofile.io.timestamps import FORMS, seconds
 from trackprofile.positioning.sources import (
     NOMINAL,
@@ -31,181 +36,216 @@ from trackprofile.units import unit_factor
 Array = NDArray[np.float64]
 
 PULSES = "pulses"
-"""The unit of an odometer that counts them."""
+"""Unit of an odometer that counts pulses."""
 
-GOOD = "gnss.valid"
-"""The name of the column that says which positions are good, among the others."""
+GNSS_VALID = "gnss.valid"
+"""Key of the flags of valid GNSS positions, among the position columns."""
 
 
-def has_places(head: Head) -> bool:
-    """Whether anything but a distance and a speed says where the train was."""
+def has_position_sources(head: RecordingTable) -> bool:
+    """Whether a recording has position sources other than its distance and its speed."""
     return not (head.gnss is None and head.odometer is None and head.posts is None)
 
 
-def place_columns(head: Head) -> dict[str, tuple[ColumnReference, ColumnReference | None, str]]:
-    """By their keys the columns that say where the train was, each with a clock of its own and its dimension.
+def position_columns(
+    head: RecordingTable,
+) -> dict[str, tuple[ColumnReference, ColumnReference | None, str]]:
+    """Columns of the position sources in the recording's table, by key: reference, own clock and dimension.
 
     Raises
     ------
-    DataError : the keys contradict each other.
+    DataError : keys contradict each other.
     """
-    found: dict[str, tuple[ColumnReference, ColumnReference | None, str]] = {}
+    columns: dict[str, tuple[ColumnReference, ColumnReference | None, str]] = {}
     if (gnss := head.gnss) is not None:
-        found["gnss.latitude"] = (gnss.latitude, gnss.time, "angle")
-        found["gnss.longitude"] = (gnss.longitude, gnss.time, "angle")
+        columns["gnss.latitude"] = (gnss.latitude, gnss.time, "angle")
+        columns["gnss.longitude"] = (gnss.longitude, gnss.time, "angle")
         if gnss.speed is not None:
-            found["gnss.speed"] = (gnss.speed, gnss.time, "speed")
+            columns["gnss.speed"] = (gnss.speed, gnss.time, "speed")
     if (odometer := head.odometer) is not None:
         _check_odometer(head, odometer)
-        found["odometer"] = (_quantity(odometer), odometer.time, "length")
+        columns["odometer"] = (_reference(odometer), odometer.time, "length")
     if (posts := head.posts) is not None and posts.data is None:
-        found["posts"] = (_quantity(posts), posts.time, "length")
-    return found
+        columns["posts"] = (_reference(posts), posts.time, "length")
+    return columns
 
 
-def place_factor(described: ColumnReference, dimension: str) -> float:
-    """SI value of one unit of a column, pulses aside."""
-    return 1.0 if described.unit == PULSES else unit_factor(described.unit, dimension)
+def position_factor(reference: ColumnReference, dimension: str) -> float:
+    """SI value of one unit of a column; 1 for pulses."""
+    return 1.0 if reference.unit == PULSES else unit_factor(reference.unit, dimension)
 
 
-def sources(
-    explained: Path, head: Head, columns: Mapping[str, Series], epoch: float
+def read_post_table(description: Path, posts: PostColumns) -> dict[str, Column]:
+    """Raw columns of the kilometre posts' own table; empty where they are in the recording's table.
+
+    Raises
+    ------
+    DataError : the key of the time is missing, or a column is; the message names it.
+    """
+    if posts.data is None:
+        return {}
+    if posts.time is None:
+        raise DataError(
+            f"{description}: posts: the table {posts.data!r} needs the key 'time', the column with the times at which "
+            "the posts were passed; add it."
+        )
+    is_text = posts.time.unit in FORMS
+    numbers = [posts.column] if is_text else [posts.column, posts.time.column]
+    texts = [posts.time.column] if is_text else []
+    return table.read_columns(description.parent / posts.data, numbers, texts=texts)
+
+
+def position_sources(
+    description: Path,
+    head: RecordingTable,
+    raw: RawTables,
+    columns: Mapping[str, Series],
+    epoch: float,
 ) -> tuple[Sources, list[str]]:
-    """All that says where the train was, and sentences on what was mended.
+    """Position sources of a recording, and sentences on what was repaired in them.
 
     Parameters
     ----------
-    columns : by the keys of `place_columns`, and ``distance`` and ``speed``, in SI
-    epoch : s of the clock, at which the recording's time is 0
+    description : file of the TOML document
+    raw : tables as read
+    columns : by the keys of `position_columns`, and ``distance`` and ``speed`` [SI]
+    epoch : time of the clock at which the recording's time is 0 [s]
+
+    Raises
+    ------
+    DataError : a value is impossible.
     """
-    rolled, notes = _rolled(head, columns)
-    speed = columns.get("speed")
-    way = None if head.way is None else read_chainage(explained.parent / head.way)
-    found = Sources(
-        None if head.gnss is None else _fixes(head, columns),
-        rolled,
-        None if head.posts is None else _posts(explained, head.posts, columns, epoch),
-        None if speed is None else _shown(speed),
-        way,
+    odometry, notes = _odometry(head, columns)
+    posts = head.posts
+    sources = Sources(
+        None if head.gnss is None else _gnss_fixes(head, columns),
+        odometry,
+        None if posts is None else _kilometre_posts(description, posts, raw, columns, epoch),
+        _displayed_speed(columns["speed"]) if "speed" in columns else None,
+        raw.chainage,
     )
-    return found, notes
+    return sources, notes
 
 
-def _fixes(head: Head, columns: Mapping[str, Series]) -> GnssFixes:
+def _gnss_fixes(head: RecordingTable, columns: Mapping[str, Series]) -> GnssFixes:
     assert head.gnss is not None
     latitude, longitude = columns["gnss.latitude"], columns["gnss.longitude"]
     north, east = np.degrees(latitude.values), np.degrees(longitude.values)
-    if GOOD in columns:
-        north = np.where(columns[GOOD].values > 0.0, north, np.nan)
-    for name, values, most in (("latitude", north, 90.0), ("longitude", east, 180.0)):
-        wrong = np.abs(values) > most
-        if wrong.any():
+    if GNSS_VALID in columns:
+        north = np.where(columns[GNSS_VALID].values > 0.0, north, np.nan)
+    for name, values, limit in (("latitude", north, 90.0), ("longitude", east, 180.0)):
+        outside = np.abs(values) > limit
+        if outside.any():
             raise DataError(
-                f"gnss.{name}: expected -{most:g} to {most:g}°, found {values[wrong][0]:g}°; correct its unit, or "
+                f"gnss.{name}: expected -{limit:g} to {limit:g}°, got {values[outside][0]:g}°; correct its unit, or "
                 "choose another column."
             )
     speed = columns.get("gnss.speed")
-    keys = head.gnss
     return GnssFixes(
         latitude.time,
         north,
         east,
         None if speed is None else speed.values,
-        keys.deviation,
-        keys.wander,
-        keys.delay,
-        keys.behind,
+        head.gnss.std,
+        head.gnss.bias_std,
+        head.gnss.delay,
+        head.gnss.antenna_offset,
     )
 
 
-def _rolled(head: Head, columns: Mapping[str, Series]) -> tuple[WheelOdometry | None, list[str]]:
-    """How far a wheel rolled, by its pulses or by the distance that it made of them."""
+def _odometry(
+    head: RecordingTable, columns: Mapping[str, Series]
+) -> tuple[WheelOdometry | None, list[str]]:
+    """Distance that a wheel rolled, by its pulses, its counter, or the recorded distance."""
     if (odometer := head.odometer) is None:
         if (distance := columns.get("distance")) is None:
             return None, []
         known = np.isfinite(distance.values)
         values = distance.values[known]
         return WheelOdometry(distance.time[known], values, recorded_step(values), NOMINAL), []
-    counted = columns["odometer"]
+    counts = columns["odometer"]
     per_count = 1.0
     if odometer.unit == PULSES:
         assert odometer.per_revolution is not None
         assert odometer.wheel_diameter is not None
         per_count = np.pi * odometer.wheel_diameter / odometer.per_revolution
-    values, resets = counted.values, 0
-    if odometer.each_row:
+    values, resets = counts.values, 0
+    if odometer.incremental:
         values = np.cumsum(np.where(np.isfinite(values), values, 0.0))
     else:
         values, resets = unwrapped(values)
     known = np.isfinite(values)
     step = per_count if odometer.unit == PULSES else recorded_step(values[known])
-    again = "once" if resets == 1 else f"{resets} times"
+    times = "once" if resets == 1 else f"{resets} times"
     return (
         WheelOdometry(
-            counted.time[known], per_count * values[known], float(step), odometer.scale_deviation
+            counts.time[known], per_count * values[known], float(step), odometer.scale_std
         ),
-        [f"the odometer was reset {again}: it goes on"] if resets else [],
+        [f"the odometer was reset {times}: its count was continued"] if resets else [],
     )
 
 
-def _shown(speed: Series) -> DisplayedSpeed:
+def _displayed_speed(speed: Series) -> DisplayedSpeed:
     known = np.isfinite(speed.values)
     values = speed.values[known]
     return DisplayedSpeed(speed.time[known], values, recorded_step(values), NOMINAL)
 
 
-def _posts(
-    explained: Path, keys: PostKeys, columns: Mapping[str, Series], epoch: float
+def _kilometre_posts(
+    description: Path,
+    posts: PostColumns,
+    raw: RawTables,
+    columns: Mapping[str, Series],
+    epoch: float,
 ) -> KilometrePosts:
-    found = _marked(columns["posts"]) if keys.data is None else _listed(explained, keys, epoch)
+    if posts.data is None:
+        passed = _marked_posts(columns["posts"])
+    else:
+        passed = _listed_posts(description, posts, raw.posts, epoch)
     return KilometrePosts(
-        found.time, found.values / 1000.0, keys.deviation, keys.timing, keys.behind
+        passed.time, passed.values / 1000.0, posts.std, posts.time_std, posts.detector_offset
     )
 
 
-def _marked(column: Series) -> Series:
-    """Posts of a column that holds each where it was passed, or from there until the next."""
+def _marked_posts(column: Series) -> Series:
+    """Posts of a column that holds each post's location where it was passed, or from there until the next post."""
     known = np.isfinite(column.values)
     time, values = column.time[known], column.values[known]
-    fresh = np.concatenate([[not known.all()], np.diff(values) != 0.0])
-    return Series(time[fresh[: len(time)]], values[fresh[: len(time)]])
+    is_new = np.concatenate([[not known.all()], np.diff(values) != 0.0])[: len(time)]
+    return Series(time[is_new], values[is_new])
 
 
-def _listed(explained: Path, keys: PostKeys, epoch: float) -> Series:
-    """Posts of a table of their own."""
-    assert keys.data is not None
-    path = explained.parent / keys.data
-    if keys.time is None:
-        raise DataError(
-            f"{explained}: posts: the table {keys.data!r} needs a key 'time' that says which column holds when each "
-            "was passed; add it."
-        )
-    written = keys.time.unit in FORMS
-    numbers = [keys.column] if written else [keys.column, keys.time.column]
-    read = table.read_columns(path, numbers, texts=[keys.time.column] if written else [])
-    with table.located(explained):
-        kilometre = unit_factor(keys.unit, "length") * read[keys.column]
+def _listed_posts(
+    description: Path, posts: PostColumns, columns: Mapping[str, Column], epoch: float
+) -> Series:
+    """Posts of a table of their own, in the order of their times."""
+    assert posts.data is not None
+    assert posts.time is not None
+    path, clock = description.parent / posts.data, posts.time
+    with table.located(description):
+        location = unit_factor(posts.unit, "length") * columns[posts.column]
         time = (
-            seconds(path, keys.time.column, read[keys.time.column], keys.time.unit)
-            if written
-            else unit_factor(keys.time.unit, "time") * read[keys.time.column]
+            seconds(path, clock.column, columns[clock.column], clock.unit)
+            if clock.unit in FORMS
+            else unit_factor(clock.unit, "time") * columns[clock.column]
         )
-    known = np.isfinite(time) & np.isfinite(kilometre)
+    known = np.isfinite(time) & np.isfinite(location)
     order = np.argsort(time[known], kind="stable")
-    return Series(time[known][order] - epoch, kilometre[known][order])
+    return Series(time[known][order] - epoch, location[known][order])
 
 
-def _check_odometer(head: Head, odometer: Odometer) -> None:
+def _check_odometer(head: RecordingTable, odometer: Odometer) -> None:
     if head.distance is not None:
         raise DataError(
-            "[recording]: distance and odometer both say how far the wheel rolled; keep one of them."
+            "[recording]: expected one of the keys 'distance' and 'odometer', got both, which describe the same wheel; "
+            "remove one."
         )
-    given = odometer.per_revolution is not None and odometer.wheel_diameter is not None
-    if odometer.unit == PULSES and not given:
+    is_complete = odometer.per_revolution is not None and odometer.wheel_diameter is not None
+    if odometer.unit == PULSES and not is_complete:
         raise DataError(
-            "[recording.odometer]: of pulses expected per_revolution, and wheel_diameter in m; add them."
+            "[recording.odometer]: pulses need the keys 'per_revolution' and 'wheel_diameter' (in m); add them."
         )
 
 
-def _quantity(described: Any) -> ColumnReference:
-    return ColumnReference(column=described.column, unit=described.unit)
+def _reference(keys: Any) -> ColumnReference:
+    return ColumnReference(column=keys.column, unit=keys.unit)

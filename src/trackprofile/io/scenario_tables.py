@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt
 from pydantic_core import PydanticCustomError
 
 from trackprofile.errors import FileError, UnitError
-from trackprofile.io import read
+from trackprofile.io import UnlocatedRecording, read
 from trackprofile.io.model_tables import InstrumentTable
 from trackprofile.io.model_toml import read_roughness
 from trackprofile.io.toml_document import Strict
@@ -112,7 +112,7 @@ class FileTable(Strict):
     def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
         """As the simulation takes it; refused where it does not cover the span."""
         profile = read(beside / self.path)
-        if profile.attrs["kind_of_data"] != "profile":
+        if isinstance(profile, UnlocatedRecording) or profile.attrs["kind_of_data"] != "profile":
             raise FileError(f"{self.path}: it is no profile; give one with distance and elevation.")
         made = Sampled(profile["distance"].to_numpy(), profile["elevation"].to_numpy())
         made.at(np.array(span))

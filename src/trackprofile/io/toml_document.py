@@ -1,4 +1,8 @@
-"""What a person writes in TOML, read strictly, and written back."""
+"""TOML documents that people write: read strictly, and written in the same layout.
+
+The writer is not `tomli_w`: that puts each number of a matrix on a line of its own and a column with its unit into a
+table of its own, and people read and correct the files that are written here.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +10,9 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeGuard, TypeVar, get_args, get_origin
+from typing import Any, ClassVar, TypeGuard, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -15,16 +20,21 @@ from trackprofile.errors import FileError
 
 
 class Strict(BaseModel):
-    """A table whose every key is known, whose types fit, and whose numbers are finite."""
+    """A table with known keys only, values of the declared types, and finite numbers.
+
+    ``renamed`` has keys of earlier versions, each with the key that takes its place; they are refused with that hint.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    renamed: ClassVar[Mapping[str, str]] = {}
 
 
 Document = TypeVar("Document", bound=BaseModel)
 
 
 def load(path: Path, model: type[Document]) -> Document:
-    """The document in a file.
+    """Read a document from a file.
 
     Raises
     ------
@@ -40,11 +50,11 @@ def load(path: Path, model: type[Document]) -> Document:
 
 
 def parse(text: str, path: Path, model: type[Document]) -> Document:
-    """The document in a text, which errors place at ``path``.
+    """Read a document from text; error messages name ``path``.
 
     Raises
     ------
-    FileError : as of `load`.
+    FileError : see `load`.
     """
     try:
         return checked(tomllib.loads(text), path, model)
@@ -53,11 +63,11 @@ def parse(text: str, path: Path, model: type[Document]) -> Document:
 
 
 def checked(tables: Mapping[str, Any], path: Path, model: type[Document]) -> Document:
-    """The document in what was read already, which errors place at ``path``.
+    """Check tables that were read already; error messages name ``path``.
 
     Raises
     ------
-    FileError : as of `load`.
+    FileError : see `load`.
     """
     try:
         return model.model_validate(tables)
@@ -65,38 +75,41 @@ def checked(tables: Mapping[str, Any], path: Path, model: type[Document]) -> Doc
         raise FileError(f"{path}: {_first_problem(error, model)}") from error
 
 
-def written(value: object) -> str:
-    """A value as TOML: text, number, truth, list, or a mapping as an inline table.
+def toml_value(value: object) -> str:
+    """A value in TOML: text, number, boolean, list, or a mapping as an inline table.
+
+    Raises
+    ------
+    TypeError : TOML has no such type.
 
     Examples
     --------
-    >>> written({"column": "speed", "unit": "m/s"})
+    >>> toml_value({"column": "speed", "unit": "m/s"})
     '{ column = "speed", unit = "m/s" }'
     """
     if isinstance(value, Mapping):
-        return (
-            "{ " + ", ".join(f"{_key(key)} = {written(one)}" for key, one in value.items()) + " }"
-        )
+        pairs = (f"{_key(key)} = {toml_value(one)}" for key, one in value.items())
+        return "{ " + ", ".join(pairs) + " }"
     if isinstance(value, str):
-        # JSON escapes as TOML does, but for the delete character.
+        # JSON escapes as TOML does, except for the delete character.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Sequence):
-        return "[" + ", ".join(map(written, value)) + "]"
+        return "[" + ", ".join(map(toml_value, value)) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
-        return repr(float(value))  # NumPy's floats too, which repr would name
+        return repr(float(value))  # the repr of a NumPy float would name its type
     if isinstance(value, int):
         return repr(value)
-    raise TypeError(f"TOML knows no {type(value).__name__}, got {value!r}")
+    raise TypeError(f"TOML has no type for {type(value).__name__}, got {value!r}")
 
 
-def document(table: Mapping[str, object]) -> str:
-    """A whole document: mappings become tables, sequences of them lists of tables, None nothing.
+def toml_text(table: Mapping[str, object]) -> str:
+    """A whole document: mappings become tables, sequences of them arrays of tables; None is left out.
 
     Examples
     --------
-    >>> print(document({"name": "car", "source": None, "wheel": [{"mass": 1.0}]}), end="")
+    >>> print(toml_text({"name": "car", "source": None, "wheel": [{"mass": 1.0}]}), end="")
     name = "car"
     <BLANKLINE>
     [[wheel]]
@@ -105,14 +118,14 @@ def document(table: Mapping[str, object]) -> str:
     return "\n".join(_lines(table, "")) + "\n"
 
 
-def _lines(table: Mapping[str, object], above: str) -> Iterator[str]:
+def _lines(table: Mapping[str, object], prefix: str) -> Iterator[str]:
     for key, value in table.items():
         if value is not None and not isinstance(value, Mapping) and not _is_tables(value):
-            yield f"{_key(key)} = {written(value)}"
+            yield f"{_key(key)} = {toml_value(value)}"
     for key, value in table.items():
-        name = above + _key(key)
+        name = prefix + _key(key)
         if isinstance(value, Mapping):
-            # A table of nothing but tables needs no head of its own.
+            # A table that holds only tables needs no header.
             if not value or not all(isinstance(one, Mapping) for one in value.values()):
                 yield from ("", f"[{name}]")
             yield from _lines(value, name + ".")
@@ -128,37 +141,58 @@ def _is_tables(value: object) -> TypeGuard[Sequence[Mapping[str, object]]]:
 
 
 def _key(name: str) -> str:
-    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else written(name)
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else toml_value(name)
 
 
 def _first_problem(error: ValidationError, model: type[BaseModel]) -> str:
+    """A sentence on the first problem: what is wrong, where, and what is expected."""
     problems = error.errors()
     # An unknown key explains why another is missing, so it goes first.
     problem = next((one for one in problems if one["type"] == "extra_forbidden"), problems[0])
-    *above, key = problem["loc"]
-    where = f" in {_place(above)}" if above else ""
+    *table, key = problem["loc"]
+    where = f" in {_location(table)}" if table else ""
     if problem["type"] == "extra_forbidden":
-        known = _keys(model, above)
-        return f"unknown key {key!r}{where}; the keys there are {', '.join(known)}."
+        owner = _model_at(model, table)
+        known = list(owner.model_fields)
+        return (
+            f"unknown key {key!r}{where}{_suggestion(str(key), owner)}; the keys of this table are "
+            f"{', '.join(known)}."
+        )
     if problem["type"] == "missing":
         return f"key {key!r} is missing{where}; add it."
+    location = _location(problem["loc"])
     if problem["type"] == "model_type":
-        known = _keys(model, problem["loc"])
-        return f"{_place(problem['loc'])}: expected a table with the keys {', '.join(known)}."
+        known = list(_model_at(model, problem["loc"]).model_fields)
+        return f"{location}: expected a table with the keys {', '.join(known)}."
     got = f", got {problem['input']!r}" if not isinstance(problem["input"], dict | list) else ""
-    return f"{_place(problem['loc'])}: {problem['msg'][0].lower()}{problem['msg'][1:]}{got}."
+    return f"{location}: {problem['msg'][0].lower()}{problem['msg'][1:]}{got}."
 
 
-def _place(location: Sequence[str | int]) -> str:
-    """Such as ``[sensor 2] unit``: tables of a list count from 1."""
+def _suggestion(key: str, model: type[BaseModel]) -> str:
+    """The key that was probably meant, in parentheses."""
+    if new := getattr(model, "renamed", {}).get(key):
+        return f" (its name is now {new!r})"
+    similar = get_close_matches(key, model.model_fields, n=1)
+    return f" (did you mean {similar[0]!r}?)" if similar else ""
+
+
+def _location(keys: Sequence[str | int]) -> str:
+    """Location in a document, such as ``sensor 2.unit``; tables of an array count from 1.
+
+    Examples
+    --------
+    >>> _location(["sensor", 1, "unit"])
+    'sensor 2.unit'
+    """
     text = ""
-    for part in location:
-        text += f" {part + 1}" if isinstance(part, int) else f"{'.' if text else ''}{part}"
+    for key in keys:
+        text += f" {key + 1}" if isinstance(key, int) else f"{'.' if text else ''}{key}"
     return text
 
 
-def _keys(model: Any, location: Sequence[str | int]) -> list[str]:
-    keyed = False  # whether the next part is a key of a dict, not of a model
+def _model_at(model: Any, location: Sequence[str | int]) -> type[BaseModel]:
+    """Model of the table at a location."""
+    keyed = False  # whether the next part is a key of a dict and not of a model
     for part in location:
         if isinstance(part, str) and not keyed:
             kind = model.model_fields[part].annotation
@@ -169,4 +203,4 @@ def _keys(model: Any, location: Sequence[str | int]) -> list[str]:
             )
         elif isinstance(part, str):
             keyed = False
-    return list(model.model_fields)
+    return model

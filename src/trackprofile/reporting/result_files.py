@@ -22,8 +22,9 @@ from trackprofile.contracts import (
 )
 from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT
 from trackprofile.errors import FileError, MissingExtraError, TrackprofileError
-from trackprofile.io import format_to_write, read, write
+from trackprofile.io import format_to_write, write
 from trackprofile.io.atomic import check_places, whole_files
+from trackprofile.reader import read
 from trackprofile.reporting.figures import (
     interactive_figure,
     static_figure,
