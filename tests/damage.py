@@ -482,5 +482,5 @@ DAMAGES: tuple[Damage, ...] = (
         placed=True,
     ),
     Damage("a wheel that slips", slipping, frozenset({K.SLIP}), placed=True),
-    Damage("one sign turned", turned, refused="one of them is turned round"),
+    Damage("one sign turned", turned, refused="one of them is wrong"),
 )

@@ -15,7 +15,7 @@ from scipy.signal import periodogram
 
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.inference.accuracy_bound import accuracy_bound
-from trackprofile.inference.blocks import band_spreads
+from trackprofile.inference.blocks import band_standard_deviations
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.kalman.smoother import (
     KalmanGains,
@@ -129,7 +129,7 @@ def outcome(
     found = smooth(prepared, signals[ride.samples, ride.sensors]).elevation
     under = np.rint((ride.first_knot + np.arange(len(found))) * KNOTS / BETWEEN).astype(int)
     errors = (profile[under % samples] - found).T
-    stated, _ = band_spreads(error_draws(prepared, draws, generator), KNOTS)
+    stated, _ = band_standard_deviations(error_draws(prepared, draws, generator), KNOTS)
     middle = slice(round(425 / KNOTS), -round(425 / KNOTS))  # where D3 is free of the ends
     return Outcome(
         spectral_rms(errors[:, round(200 / KNOTS) : -round(200 / KNOTS)]),

@@ -75,7 +75,7 @@ def test_calibrated_vehicle_reads_the_track_better_than_the_wrong_one(
             vehicle,
             installation=installation,
             prior=read_spectrum("german-low"),
-            draws=2,
+            samples=2,
         )
         band = compare(profile, truth, from_m=50.0, to_m=350.0).bands["D1"]
         assert band is not None
@@ -85,7 +85,7 @@ def test_calibrated_vehicle_reads_the_track_better_than_the_wrong_one(
 
 def test_what_cannot_be_fitted_is_refused(made: tuple[xr.Dataset, xr.Dataset]) -> None:
     recording, truth = made
-    with pytest.raises(ModelError, match="no parameter 'colour' to fit; there are body mass"):
+    with pytest.raises(ModelError, match="no parameter 'colour'; known parameters are body mass"):
         calibrate(recording, VELARO, truth, parameters=["colour"])
     with pytest.raises(DataError, match="choose another stretch or reference"):
         calibrate(recording, VELARO, between(truth, 0.0, 60.0))

@@ -40,7 +40,7 @@ def wrong_by_30_percent(seed: int) -> Vehicle:
 
 def errors(recording: xr.Dataset, truth: xr.Dataset, vehicle: Vehicle) -> dict[str, float]:
     """Of the inferred profile in each band, mm."""
-    found = infer(recording, vehicle, track=TRACK, prior=FRA_5, draws=2)
+    found = infer(recording, vehicle, track=TRACK, prior=FRA_5, samples=2)
     end = float(recording["distance"].to_numpy()[-1]) - EDGE
     bands = compare(found, truth, from_m=EDGE, to_m=end).bands
     return {name: band.rms_error_mm for name, band in bands.items() if band is not None}

@@ -76,7 +76,7 @@ def test_turned_sign_of_one_of_three_is_put_right_and_said(turned: int) -> None:
 def test_two_signs_that_contradict_each_other_are_refused() -> None:
     recording = recorded(read_sensors("bogie-100ug"))
     first, second = channels(recording)
-    with pytest.raises(DataError, match="one of them is turned round; find out which"):
+    with pytest.raises(DataError, match="one of them is wrong"):
         as_wired(recording, [first, replace(second, values=-second.values)])
 
 

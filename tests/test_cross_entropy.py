@@ -344,7 +344,9 @@ def test_dead_channel_is_left_out_and_named(on_ballast: tuple[xr.Dataset, Array]
     dead = recording.copy(deep=True)
     dead["pitch"].values[:] = 0.0
     found = cross_entropy(dead, VELARO, track=BALLASTED)
-    assert any("nothing is left of 'pitch' (stuck)" in note for note in found.notes)
+    assert any(
+        "'pitch' is not used: none of its samples is usable (stuck)" in note for note in found.notes
+    )
     assert worst(found.profile, truth) < 1e-6
 
 

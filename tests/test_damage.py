@@ -23,6 +23,7 @@ from trackprofile.contracts import Quality, build_profile, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError
 from trackprofile.inference.infer import Estimate, estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.models.receptance import point_track
@@ -53,8 +54,13 @@ class Case:
     """m at each end that are not judged."""
 
     def found(self, recording: xr.Dataset) -> Estimate:
-        return estimate(recording, self.vehicle, installation=self.installation, track=self.track,
-                        prior=self.prior, draws=32)  # fmt: skip
+        return estimate(
+            recording,
+            self.vehicle,
+            InferenceSettings(
+                installation=self.installation, track=self.track, prior=self.prior, samples=32
+            ),
+        )
 
 
 def table_of(recording: xr.Dataset) -> Table:

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from trackprofile.calibration.calibrate import calibrate
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import (
     read_sensors,
     read_spectrum,
@@ -92,7 +93,11 @@ def test_load_of_the_day_is_found_by_infer_itself() -> None:
     full = replace(body, mass=1.2 * body.mass, pitch_inertia=1.2 * body.pitch_inertia)
     loaded = replace(VELARO, bodies=(full, *VELARO.bodies[1:]), parameters=())
     recording, _ = simulated(loaded, ZHAI, SENSORS, SPECTRUM, 600.0, 6)
-    found = estimate(recording, VELARO, track=ZHAI, prior=SPECTRUM, draws=2, load=True)
+    found = estimate(
+        recording,
+        VELARO,
+        InferenceSettings(track=ZHAI, prior=SPECTRUM, samples=2, estimate_load=True),
+    )
     assert found.model.vehicle.bodies[0].mass / body.mass == pytest.approx(1.2, abs=0.05)
     assert any("load" in note for note in found.notes)
 
@@ -102,13 +107,19 @@ def test_uncertain_vehicle_widens_the_profile_by_what_it_moves_it(made) -> None:
     spread = 0.1
     uncertain = Installation(uncertainty=Uncertainty(("primary stiffness",), ((spread**2,),)))
     sure, unsure = (
-        estimate(recording, VELARO, track=ZHAI, prior=SPECTRUM, draws=64, installation=one).profile
+        estimate(
+            recording,
+            VELARO,
+            InferenceSettings(track=ZHAI, prior=SPECTRUM, samples=64, installation=one),
+        ).profile
         for one in (Installation(), uncertain)
     )
     stiffer = with_parameters(
         VELARO, {"primary stiffness": np.exp(spread) * TRUE["primary stiffness"]}
     )
-    moved = estimate(recording, stiffer, track=ZHAI, prior=SPECTRUM, draws=2).profile
+    moved = estimate(
+        recording, stiffer, InferenceSettings(track=ZHAI, prior=SPECTRUM, samples=2)
+    ).profile
     slope = (moved["elevation"] - sure["elevation"]).to_numpy()
     expected = np.sqrt(sure["standard_deviation"].to_numpy() ** 2 + slope**2)
     # Either direction of the one step is as good; they differ by curvature.

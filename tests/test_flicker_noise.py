@@ -13,6 +13,7 @@ from test_at_the_limit import Outcome, check_limit, outcome
 from trackprofile.contracts import build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.flicker_noise import HIGHEST_FREQUENCY, LOWEST_FREQUENCY, flicker_processes
 from trackprofile.models.receptance import point_track
@@ -75,7 +76,8 @@ def test_flicker_that_is_not_stated_or_drowns_changes_nothing_to_the_last_bit() 
         speed=recording["speed"].to_numpy(),
     )
     one, other = (
-        estimate(each, vehicle, track=track, prior=prior, draws=4) for each in (recording, drowned)
+        estimate(each, vehicle, InferenceSettings(track=track, prior=prior, samples=4))
+        for each in (recording, drowned)
     )
     for name in one.profile.data_vars:
         np.testing.assert_array_equal(one.profile[name], other.profile[name])

@@ -13,6 +13,7 @@ from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.infer import estimate, infer
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.sensor import Installation
 from trackprofile.preprocessing.motion import motion
@@ -47,7 +48,7 @@ def test_profile_is_found_with_its_bands_and_true_intervals(
     made: tuple[xr.Dataset, xr.Dataset],
 ) -> None:
     recording, truth = made
-    found = estimate(recording, VELARO, prior=read_spectrum("german-low"))
+    found = estimate(recording, VELARO, InferenceSettings(prior=read_spectrum("german-low")))
     result = compare(found.profile, truth, from_m=100.0, to_m=500.0).bands
     for name, least in (("D1", 0.999), ("D2", 0.999)):
         band = result[name]
@@ -69,8 +70,8 @@ def test_profile_is_found_with_its_bands_and_true_intervals(
 def test_prior_level_that_nobody_states_is_found_and_said(
     made: tuple[xr.Dataset, xr.Dataset],
 ) -> None:
-    found = estimate(made[0], VELARO, draws=2)
-    assert any("prior amplitude found by maximum likelihood" in note for note in found.notes)
+    found = estimate(made[0], VELARO, InferenceSettings(samples=2))
+    assert any("prior amplitude estimated by maximum likelihood" in note for note in found.notes)
     shape = found.model.spectrum
     level = shape.standard_deviation(3.0, 25.0) / read_spectrum("german-low").standard_deviation(
         3.0, 25.0
@@ -82,7 +83,7 @@ def test_prior_level_that_nobody_states_is_found_and_said(
 def test_sensor_noise_that_nobody_states_is_found(made: tuple[xr.Dataset, xr.Dataset]) -> None:
     recording, _ = made
     silent = [replace(channel, noise_density=None) for channel in channels(recording)]
-    found = estimate(rebuilt(recording, channels=silent), VELARO, draws=2)
+    found = estimate(rebuilt(recording, channels=silent), VELARO, InferenceSettings(samples=2))
     for sensor, stated in zip(found.model.sensors, channels(recording), strict=True):
         assert sensor.noise_density == pytest.approx(stated.noise_density, rel=0.3)
 
@@ -109,7 +110,7 @@ def test_invalid_samples_have_no_influence_and_leave_a_flagged_gap(
                 rebuilt(recording, channels=changed),
                 VELARO,
                 prior=read_spectrum("german-low"),
-                draws=8,
+                samples=8,
             )
         )
     xr.testing.assert_equal(spoilt[0]["elevation"], spoilt[1]["elevation"])
@@ -132,7 +133,7 @@ def test_stop_in_the_middle_is_flagged_and_not_mistaken(
         replace(channel, values=np.zeros(len(time)), valid=None) for channel in channels(made[0])
     ]
     recording = build_recording(flat, time=time, speed=speed)
-    profile = infer(recording, VELARO, prior=read_spectrum("german-low"), draws=8)
+    profile = infer(recording, VELARO, prior=read_spectrum("german-low"), samples=8)
     slow = (profile["quality"].to_numpy() & Quality.SLOW) != 0
     stop = run[np.argmin(speed)]
     assert slow[np.argmin(np.abs(profile["distance"].to_numpy() - stop))]
@@ -143,7 +144,7 @@ def test_stop_in_the_middle_is_flagged_and_not_mistaken(
 
 def test_same_seed_gives_the_same_profile(made: tuple[xr.Dataset, xr.Dataset]) -> None:
     prior = read_spectrum("german-low")
-    first, second = (infer(made[0], VELARO, prior=prior, draws=4, seed=9) for _ in range(2))
+    first, second = (infer(made[0], VELARO, prior=prior, samples=4, seed=9) for _ in range(2))
     xr.testing.assert_identical(first, second)
 
 

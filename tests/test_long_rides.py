@@ -25,6 +25,7 @@ from trackprofile.errors import DataError, FileError
 from trackprofile.inference import blocks
 from trackprofile.inference.blocks import BlockResult
 from trackprofile.inference.infer import estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.integrate import newmark
@@ -82,7 +83,9 @@ def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 def inferred(
     recording: xr.Dataset, kept: MutableMapping[int, BlockResult] | None = None
 ) -> xr.Dataset:
-    return estimate(recording, VELARO, track=ZHAI, prior=PRIOR, draws=16, kept=kept).profile
+    return estimate(
+        recording, VELARO, InferenceSettings(track=ZHAI, prior=PRIOR, samples=16), checkpoint=kept
+    ).profile
 
 
 def test_blocks_join_without_a_trace(

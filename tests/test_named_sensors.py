@@ -17,6 +17,7 @@ import xarray as xr
 from trackprofile.bands import D1, D2, Band, band_pass
 from trackprofile.contracts import Channel, build_recording
 from trackprofile.inference.infer import estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.sensor_errors import Instrument, measure
@@ -215,7 +216,9 @@ class Found:
 def found(ride: Ride, recording: xr.Dataset) -> Found:
     scenario = ride.scenario
     result = estimate(
-        recording, scenario.vehicle, track=scenario.track, prior=read_spectrum(ride.prior), draws=48
+        recording,
+        scenario.vehicle,
+        InferenceSettings(track=scenario.track, prior=read_spectrum(ride.prior), samples=48),
     )
     at = result.profile["distance"].to_numpy()
     error = result.profile["elevation"].to_numpy() - scenario.irregularity.at(at)[0]

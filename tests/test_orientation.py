@@ -16,6 +16,7 @@ from trackprofile.errors import DataError
 from trackprofile.inference.infer import estimate
 from trackprofile.inference.observations import Observations, observations
 from trackprofile.inference.orientation import orient
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
 from trackprofile.models.receptance import point_track
@@ -112,12 +113,12 @@ def test_two_sensors_of_which_gravity_tells_one_tell_the_end(ahead: float) -> No
     found, _ = faced(with_channels(recording, [heavy, second]), VELARO)
     assert found.turned
     # At the bogie's centre the other end feels the same; ahead of it, it does not.
-    assert ("or the sign of 'pitch' is turned" in found.notes[-1]) == (ahead == 0.0)
+    assert ("or the sign of 'pitch' is wrong" in found.notes[-1]) == (ahead == 0.0)
 
 
 def test_two_sensors_alone_do_not_tell_the_end() -> None:
     recording, _ = backwards(VELARO, (replace(ACCELERATION, position=0.0), PITCH))
-    with pytest.raises(DataError, match="or the vehicle runs the other way round"):
+    with pytest.raises(DataError, match="or the last wheel leads"):
         faced(recording, VELARO)
 
 
@@ -127,7 +128,7 @@ def test_profile_of_a_ride_backwards_is_as_good_as_forwards() -> None:
     rides = (backwards(LOPSIDED, sensors), forwards(LOPSIDED, sensors))
     errors = []
     for recording, truth in rides:
-        found = estimate(recording, LOPSIDED, track=ZHAI, prior=ROUGH, draws=8)
+        found = estimate(recording, LOPSIDED, InferenceSettings(track=ZHAI, prior=ROUGH, samples=8))
         at = found.profile["distance"].to_numpy()
         level = np.interp(at, truth["distance"], truth["elevation"])
         error = band_pass(found.profile["elevation"].to_numpy() - level, 0.25, D1)
@@ -138,7 +139,7 @@ def test_profile_of_a_ride_backwards_is_as_good_as_forwards() -> None:
 def test_methods_that_know_the_vehicle_as_described_only_refuse_another_end() -> None:
     recording, _ = backwards(VELARO, (ACCELERATION,))
     stated = with_channels(recording, list(channels(recording)), "last")
-    with pytest.raises(DataError, match="does not know; expected the first"):
+    with pytest.raises(DataError, match="does not support; expected the first"):
         cross_entropy(stated, VELARO)
 
 

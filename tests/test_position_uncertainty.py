@@ -21,6 +21,7 @@ from trackprofile.inference.position_uncertainty import (
     correct_wheel_scale,
     position_standard_deviation,
 )
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io import write
 from trackprofile.io.inspection import write_toml
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
@@ -269,9 +270,13 @@ def test_profile_says_how_well_its_places_are_known(tmp_path: Path) -> None:
     count = recording.sizes["sample"]
     known = np.linspace(1.0, 9.0, count)
     located = recording.assign(distance_deviation=("sample", known, {"units": "m"}))
-    found = estimate(located, vehicle, track=track, prior=read_spectrum("german-low"), draws=4)
+    found = estimate(
+        located,
+        vehicle,
+        InferenceSettings(track=track, prior=read_spectrum("german-low"), samples=4),
+    )
     assert any(
-        note == "places are known to ±10 m (95 %), at worst ±18 m" for note in found.notes
+        note == "positions are known to ±10 m (95 %), at most ±18 m" for note in found.notes
     ), found.notes
     deviation = found.profile["distance_deviation"].to_numpy()
     at = found.profile["distance"].to_numpy()
@@ -279,7 +284,11 @@ def test_profile_says_how_well_its_places_are_known(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         deviation[inside], np.interp(at[inside], found.sample_distance, known)
     )
-    plain = estimate(recording, vehicle, track=track, prior=read_spectrum("german-low"), draws=4)
+    plain = estimate(
+        recording,
+        vehicle,
+        InferenceSettings(track=track, prior=read_spectrum("german-low"), samples=4),
+    )
     assert "distance_deviation" not in plain.profile
     np.testing.assert_array_equal(plain.profile["elevation"], found.profile["elevation"])
 

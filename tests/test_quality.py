@@ -11,7 +11,8 @@ import xarray as xr
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import estimate
-from trackprofile.inference.quality import felt_at
+from trackprofile.inference.quality import reached
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.preprocessing.fault_detectors import at_end_of_range
@@ -37,7 +38,9 @@ def with_acceleration(recording: xr.Dataset, change) -> xr.Dataset:
 
 
 def flagged(recording: xr.Dataset, flag: Quality) -> np.ndarray:
-    profile = estimate(recording, VELARO, track=ZHAI, prior=SPECTRUM, draws=2).profile
+    profile = estimate(
+        recording, VELARO, InferenceSettings(track=ZHAI, prior=SPECTRUM, samples=2)
+    ).profile
     return profile["distance"].to_numpy()[profile["quality"].to_numpy() & flag != 0]
 
 
@@ -77,11 +80,11 @@ def test_coarse_steps_are_no_end_of_a_range() -> None:
 def test_a_sensor_feels_the_wheels_under_what_it_stands_on() -> None:
     place = np.arange(0.0, 60.0, 0.25)
     sample = np.array([40.0])
-    leading = place[felt_at(place, sample, VELARO, "leading bogie")]
-    body = place[felt_at(place, sample, VELARO, "body")]
+    leading = place[reached(place, sample, VELARO, "leading bogie")]
+    body = place[reached(place, sample, VELARO, "body")]
     near = [40.0 - wheel.position for wheel in VELARO.wheels]
     assert leading.min() == pytest.approx(near[1] - 1.0, abs=0.25)
     assert leading.max() == pytest.approx(41.0, abs=0.25)
     assert body.min() == pytest.approx(near[3] - 1.0, abs=0.25)
-    np.testing.assert_array_equal(body, place[felt_at(place, sample, VELARO, None)])
-    assert not felt_at(place, np.empty(0), VELARO, None).any()
+    np.testing.assert_array_equal(body, place[reached(place, sample, VELARO, None)])
+    assert not reached(place, np.empty(0), VELARO, None).any()

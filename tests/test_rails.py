@@ -35,6 +35,7 @@ from trackprofile.inference.blocks import BlockResult
 from trackprofile.inference.infer import Estimate, estimate, infer
 from trackprofile.inference.observations import observations
 from trackprofile.inference.rail_decomposition import decompose_rails, rail_levels
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_spectrum, write_vehicle
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
@@ -154,7 +155,7 @@ def test_one_sensor_tells_what_it_told_before_sides_were_known(boxes, lateral: f
     )
     assert rails_of(found.profile) == (Rail.MEAN,)
     xr.testing.assert_identical(found.profile.drop_attrs(), plain.profile.drop_attrs())
-    assert any("without another" in note for note in found.notes) == (lateral != 0.0)
+    assert any("has no partner" in note for note in found.notes) == (lateral != 0.0)
 
 
 def test_a_gyroscope_tells_the_difference_without_a_pair() -> None:
@@ -172,7 +173,7 @@ def test_a_gyroscope_tells_the_difference_without_a_pair() -> None:
 def test_a_car_of_unknown_roll_tells_rails_apart_by_its_axle_boxes_alone(body: str) -> None:
     plain = replace(WAGON, bodies=tuple(replace(one, roll_inertia=None) for one in WAGON.bodies))
     recording, _ = made([side("a", 0.9, body), side("b", -0.9, body)])
-    found = estimate(recording, plain, draws=4)
+    found = estimate(recording, plain, InferenceSettings(samples=4))
     assert (len(rails_of(found.profile)) > 1) == (body == "wheel 1")
     assert any("does not state roll_inertia of 'body'" in note for note in found.notes)
 
@@ -183,7 +184,7 @@ def test_samples_of_one_side_alone_are_left_out_and_said(boxes) -> None:
     distance = recording["distance"].to_numpy()
     good = (distance < 150.0) | (distance > 170.0)
     found = estimate(recording_of([left, replace(right, valid=good)], distance), WAGON)
-    assert any("only one of 'left box' and 'right box' is good" in note for note in found.notes)
+    assert any("only one of 'left box' and 'right box' is valid" in note for note in found.notes)
     place = found.profile["distance"].to_numpy()
     inside, outside = (place > 152) & (place < 160), (place < 110) | (place > 210)
     for rail in (Rail.MEAN, Rail.LEFT):
@@ -230,9 +231,10 @@ def test_a_calibrated_gain_and_its_doubt_are_those_of_either_side(boxes) -> None
     sure = Uncertainty(("gain of calibrated", "body mass"), ((1e-4, 0.0), (0.0, 0.01)))
     car = replace(WAGON, parameters=(VehicleParameter("body mass", "kg", (("body", "mass"),)),))
     again = infer(
-        recording_of(louder, distance), car,
+        recording_of(louder, distance),
+        car,
         installation=Installation(sensors=(gained,), uncertainty=sure),
-    )  # fmt: skip
+    )
     for rail in Rail:
         one, other = of_rail(again, rail), of_rail(found.profile, rail)
         np.testing.assert_allclose(one["elevation"], other["elevation"], atol=2e-5)
@@ -247,11 +249,11 @@ def test_a_long_ride_is_taken_up_again_in_both_halves(monkeypatch) -> None:
     monkeypatch.setattr(blocks, "LENGTH", 700.0)
     recording, _ = made(BOXES)
     kept: dict[int, BlockResult] = {}
-    whole = estimate(recording, WAGON, draws=4, kept=kept)
+    whole = estimate(recording, WAGON, InferenceSettings(samples=4), checkpoint=kept)
     assert sorted(kept) == [0, 1, 2, 3]
     for lost in (1, 2):
         del kept[lost]
-    again = estimate(recording, WAGON, draws=4, kept=kept)
+    again = estimate(recording, WAGON, InferenceSettings(samples=4), checkpoint=kept)
     xr.testing.assert_identical(again.profile, whole.profile)
 
 

@@ -44,7 +44,7 @@ def test_exceedances_of_inferred_profiles_happen_as_often_as_announced() -> None
     announced, happened = [], []
     for seed in range(1, SEEDS + 1):
         recording, truth = simulated(VELARO, ZHAI, sensors, FRA_5, LENGTH, seed)
-        profile = infer(recording, VELARO, track=ZHAI, prior=FRA_5, draws=32, seed=seed)
+        profile = infer(recording, VELARO, track=ZHAI, prior=FRA_5, samples=32, seed=seed)
         judged = [assess(profile, one, 40.0, bands=[D1], least_probability=0.01) for one in rules]
         level = judged[0].levels["D1"]
         exact = resample(truth["distance"], truth["elevation"], level.distance)

@@ -13,6 +13,7 @@ import xarray as xr
 from trackprofile.contracts import Channel, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.reporting.result_files import write_estimate
 
@@ -55,7 +56,9 @@ def test_the_page_shows_signals_as_they_were_taken(recorded, mounted, tmp_path: 
     time, speed = (recorded[name].to_numpy() for name in ("time", "speed"))
     parts = mounted(*channels(recorded))
     recording = build_recording(parts, time=time, speed=speed)
-    found = estimate(recording, VELARO, prior=read_spectrum("german-low"), draws=8)
+    found = estimate(
+        recording, VELARO, InferenceSettings(prior=read_spectrum("german-low"), samples=8)
+    )
     page = write_estimate(found, recording, tmp_path / "p.nc")[1].read_text(encoding="utf-8")
     said = re.findall(r"RMS ([\d.]+) \S+, of ([\d.]+) \S+ measured", page)
     assert len(said) == 2

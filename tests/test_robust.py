@@ -13,6 +13,7 @@ from trackprofile.bands import BANDS, band_pass
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.inference.infer import Estimate, estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 from trackprofile.preprocessing.faults import FaultKind
@@ -39,7 +40,7 @@ def case() -> Case:
 
 
 def found_in(recording: xr.Dataset) -> Estimate:
-    return estimate(recording, VELARO, track=ZHAI, prior=PRIOR, draws=16)
+    return estimate(recording, VELARO, InferenceSettings(track=ZHAI, prior=PRIOR, samples=16))
 
 
 def with_acceleration(recording: xr.Dataset, change: Callable[[Array], Array]) -> xr.Dataset:
@@ -172,7 +173,9 @@ def test_level_of_the_track_is_found_among_spikes_and_bursts(case: Case) -> None
         return values
 
     def level(recording: xr.Dataset) -> float:
-        return estimate(recording, VELARO, track=ZHAI, draws=2).model.spectrum.amplitude
+        return estimate(
+            recording, VELARO, InferenceSettings(track=ZHAI, samples=2)
+        ).model.spectrum.amplitude
 
     clean = level(case.recording)
     assert level(with_acceleration(case.recording, spoiled)) == pytest.approx(clean, rel=0.05)

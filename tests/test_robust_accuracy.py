@@ -79,7 +79,7 @@ def outcome(grade: str, prior: str, rides: int, *, spoil: bool) -> Outcome:
     for number in range(rides):
         one = signals[:, :, number]
         one = spoiled(one, generator) if spoil else one
-        found = infer(recording_of(one, sensors), VELARO, prior=read_spectrum(prior), draws=32)
+        found = infer(recording_of(one, sensors), VELARO, prior=read_spectrum(prior), samples=32)
         at = found["distance"].to_numpy()
         truth = profile[np.rint(at / BETWEEN).astype(int) % samples, number]
         errors.append(truth - found["elevation"].to_numpy())

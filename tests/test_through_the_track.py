@@ -21,7 +21,14 @@ ASKED = {"D1": 0.010, "D2": 0.010, "D3": 0.040}
 
 def errors(recording: xr.Dataset, truth: xr.Dataset, track: str, correct: bool) -> dict[str, float]:
     """In each band, mm."""
-    found = infer(recording, VELARO, track=read_track(track), prior=PRIOR, draws=2, correct=correct)
+    found = infer(
+        recording,
+        VELARO,
+        track=read_track(track),
+        prior=PRIOR,
+        samples=2,
+        full_track_correction=correct,
+    )
     end = float(recording["distance"].to_numpy()[-1]) - EDGE
     bands = compare(found, truth, from_m=EDGE, to_m=end).bands
     return {name: band.rms_error_mm for name, band in bands.items() if band is not None}
@@ -63,4 +70,4 @@ def test_error_through_the_real_track_is_what_was_asked() -> None:
 def test_only_a_layered_track_is_corrected_for() -> None:
     recording, _ = recorded(1000.0, 2, PRIOR, SENSORS)
     with pytest.raises(ModelError, match="Only a layered track"):
-        infer(recording, VELARO, prior=PRIOR, draws=2, correct=True)
+        infer(recording, VELARO, prior=PRIOR, samples=2, full_track_correction=True)

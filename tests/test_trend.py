@@ -206,7 +206,7 @@ def inferred(seed: int, settlement: float, speed: float, ahead: float, noise: in
     recording = build_recording(
         sensors, time=made.time, distance=made.position + ahead, speed=made.speed
     )
-    return infer(recording, VELARO, track=LAYERED, prior=FRA_5, draws=16, seed=noise)
+    return infer(recording, VELARO, track=LAYERED, prior=FRA_5, samples=16, seed=noise)
 
 
 def month(seed: int, settlement: float) -> Trend:

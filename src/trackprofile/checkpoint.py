@@ -143,11 +143,11 @@ def _arrays(piece: BlockResult) -> dict[str, np.ndarray]:
         "bands": list(piece.bands),
     }
     return {
-        "place": piece.place,
+        "position": piece.position,
         "elevation": piece.elevation,
-        "spread": piece.spread,
+        "standard_deviation": piece.standard_deviation,
         "flags": piece.flags,
-        "left": piece.left,
+        "residual": piece.residual,
         "log_likelihood": np.array(piece.log_likelihood),
         "texts": np.frombuffer(json.dumps(texts).encode(), np.uint8),
     } | {_BAND + name: values for name, values in piece.bands.items()}
@@ -160,9 +160,9 @@ def _read(path: Path) -> BlockResult:
         texts = json.loads(arrays["texts"].tobytes())
         faults = tuple(Fault(**(one | {"kind": FaultKind(one["kind"])})) for one in texts["faults"])
         return BlockResult(
-            arrays["place"], arrays["elevation"], arrays["spread"],
+            arrays["position"], arrays["elevation"], arrays["standard_deviation"],
             {name: arrays[_BAND + name] for name in texts["bands"]},
-            arrays["flags"], arrays["left"], faults,
+            arrays["flags"], arrays["residual"], faults,
             float(arrays["log_likelihood"]), tuple(texts["notes"]),
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:

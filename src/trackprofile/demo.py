@@ -20,6 +20,7 @@ from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import FileError
 from trackprofile.inference.infer import Estimate, estimate
 from trackprofile.inference.maximum_likelihood import Progress
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io import write
 from trackprofile.io.model_toml import (
     read_sensors,
@@ -90,7 +91,12 @@ def run(
     write(level, truth)
     write_vehicle(vehicle, installation, folder / "vehicle.toml")
     measured = read(recording)
-    found = estimate(measured, vehicle, installation=installation, track=track, progress=progress)
+    found = estimate(
+        measured,
+        vehicle,
+        InferenceSettings(installation=installation, track=track),
+        progress=progress,
+    )
     files = write_estimate(found, measured, folder / PROFILE)
     return Demo(recording, truth, files, found, compare(found.profile, read(truth)))
 

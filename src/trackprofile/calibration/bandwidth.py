@@ -211,7 +211,12 @@ def limit_bandwidth(data: Observations, highest: Sequence[float]) -> Observation
         step[:, i] *= np.sqrt(interval / apart)
         kept |= chosen
     changed = replace(
-        data, signals=signals, valid=valid, step=step, limits=limits, low_pass=tuple(low_pass)
+        data,
+        signals=signals,
+        valid=valid,
+        step=step,
+        usable_bandwidth=limits,
+        low_pass=tuple(low_pass),
     )
     return changed.part(kept)
 

@@ -32,13 +32,13 @@ from trackprofile.inference.parameters import (
     ORIGIN,
     ModelParameter,
     calibrated_parameters,
-    place_parameters,
+    position_parameters,
     select_parameters,
     value_of,
     vehicle_parameters,
 )
 from trackprofile.inference.problem import Model
-from trackprofile.inference.reference import SEARCHED_ORIGINS
+from trackprofile.inference.reference import ORIGIN_SEARCH
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation, Sensor, Uncertainty
 from trackprofile.models.spectrum import Spectrum
@@ -220,7 +220,7 @@ def _to_fit(
     start: Model, names: Sequence[str] | None, *, with_origin: bool
 ) -> list[ModelParameter]:
     """Those of the names; without names, what is unknown of every vehicle."""
-    usual = vehicle_parameters(start) + place_parameters(start)
+    usual = vehicle_parameters(start) + position_parameters(start)
     if not with_origin:
         usual = [one for one in usual if one.name != ORIGIN]
     if names is None:
@@ -271,7 +271,7 @@ def _with_best_origin(
     if not any(one.name == ORIGIN for one in free):
         return start
     # Off the knots: where all samples of a distance-sampled recording lie on knots, round-off decides their bays.
-    shifts = np.arange(-SEARCHED_ORIGINS, SEARCHED_ORIGINS, 1.0) + 0.45 * KNOT_SPACING
+    shifts = np.arange(-ORIGIN_SEARCH, ORIGIN_SEARCH, 1.0) + 0.45 * KNOT_SPACING
     known = [one for one in passes if one.known]
     return best_fit(known, [replace(start, origin=start.origin + shift) for shift in shifts])
 
@@ -312,7 +312,7 @@ def _doubts(start: Model, fit: Fit) -> list[str]:
         )
     for one in fit.free:
         off = value_of(fit.model, one) - value_of(start, one)
-        if abs(off) > FAR * one.spread:
+        if abs(off) > FAR * one.standard_deviation:
             notes.append(
                 f"{one.name} went to {one.get(fit.model):.4g} {one.unit}, far outside its prior about "
                 f"{one.get(start):.4g}: start from another vehicle, or hold it"

@@ -60,7 +60,7 @@ def calibration_runs(
     ]
     if reference is None:
         return [RunData(one, number=i) for i, one in enumerate(data, start=1)], notes
-    known, passes = KnownProfile.of(reference), list[RunData]()
+    known, passes = KnownProfile.from_reference(reference), list[RunData]()
     for i, one in enumerate(data, start=1):
         try:
             passes.append(RunData(known.covered(one, vehicle, installation.origin), known, i))

@@ -115,7 +115,7 @@ def fit_parameters(
 ) -> Fit:  # fmt: skip
     """The maximum over ``free``, the noise, and the level where the profile is unknown."""
     every = [*free, *nuisances(passes, centre)]
-    precision = np.array([one.spread**-2 for one in every])
+    precision = np.array([one.standard_deviation**-2 for one in every])
 
     pooled = pooled_innovations(passes)
     found = maximise(
@@ -130,7 +130,7 @@ def nuisances(passes: Sequence[RunData], centre: Model) -> list[ModelParameter]:
     noise = noise_parameters(replace(centre, unmodelled=0.0)) + residual_parameters(centre)
     if all(one.known for one in passes):
         return noise
-    return [replace(one, spread=SHOWN) for one in noise] + prior_parameters(centre)
+    return [replace(one, standard_deviation=SHOWN) for one in noise] + prior_parameters(centre)
 
 
 def _told_at_all(
@@ -146,7 +146,7 @@ def _told_at_all(
     at = values_of(start, every)
     pooled = pooled_innovations(some)
     information = slopes(lambda at: pooled(with_values(start, every, at)), at).information
-    precision = np.array([one.spread**-2 for one in every])
+    precision = np.array([one.standard_deviation**-2 for one in every])
     left, said = identified(marginal(information, precision, len(free)), free, NOTHING, asked=asked)
     notes.extend(said)
     return left
@@ -163,7 +163,7 @@ def _best_start(
         return centre
     some = shortened(passes, SHORT)
     generator = np.random.default_rng(0)
-    scatter = SCATTER * np.array([one.spread for one in free])
+    scatter = SCATTER * np.array([one.standard_deviation for one in free])
     starts = [values_of(centre, free)]
     starts += [starts[0] + scatter * generator.standard_normal(len(free)) for _ in range(STARTS)]
     fits = [
@@ -240,7 +240,7 @@ def fit_noise(passes: Sequence[RunData], model: Model, progress: Progress) -> Mo
     spectrum = next(one.known.spectrum for one in given if one.known)
     noise = noise_parameters(model)
     centre = values_of(model, noise)
-    precision = np.array([one.spread**-2 for one in noise])
+    precision = np.array([one.standard_deviation**-2 for one in noise])
 
     with_reference, without = pooled_innovations(given), pooled_innovations(free)
 

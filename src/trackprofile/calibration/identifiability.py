@@ -46,7 +46,7 @@ def untold(information: Array, free: Sequence[ModelParameter], least: float) -> 
 
     A direction is told if its eigenvalue of the information, in units of the prior's, exceeds ``least``.
     """
-    spread = np.array([one.spread for one in free])
+    spread = np.array([one.standard_deviation for one in free])
     values, directions = np.linalg.eigh(information * np.outer(spread, spread))
     if not free or values[0] > least:
         return None

@@ -71,7 +71,7 @@ def likelihood_profiles(fit: Fit, centre: Model) -> tuple[LikelihoodProfile, ...
                 np.exp(moved) if one.positive else moved,
                 heights - top,
                 -0.5 * STEPS**2,
-                -0.5 * ((moved - mean[i]) / one.spread) ** 2,
+                -0.5 * ((moved - mean[i]) / one.standard_deviation) ** 2,
             )
         )
     return tuple(profiles)

@@ -81,10 +81,10 @@ def infer(
     from trackprofile.checkpoint import checkpoint_key, checkpoint_store
     from trackprofile.contracts import between
     from trackprofile.inference.infer import estimate
+    from trackprofile.inference.settings import InferenceSettings
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.io.vehicle_of_recording import vehicle_of_recording
     from trackprofile.methods.cross_entropy import search as searches
-    from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
     from trackprofile.methods.cross_entropy.search_toml import read_search
     from trackprofile.reporting.result_files import (
         estimate_files,
@@ -103,18 +103,20 @@ def infer(
     kept, stopped = None, ""
     both: dict[str, Any] = {"installation": installation, "track": support, "seed": seed}
     if method is Method.CROSS_ENTROPY:
+        from trackprofile.methods.cross_entropy.estimator import cross_entropy
+
         both |= {"search": settings, "evaluation": searches.Evaluation(evaluation.value)}
         with show.progress_bars() as progress, _interruptible(kept):
             found = cross_entropy(measured, car, **both, progress=progress)
         stopped = found.stopped
     else:
-        both |= {"prior": spectrum, "draws": draws, "correct": correct, "load": load}
+        options = InferenceSettings(installation, support, spectrum, draws, seed, correct, load)
         kept, said = checkpoint_store(
-            output, checkpoint_key(measured, vehicle=car, **both), resume=resume
+            output, checkpoint_key(measured, vehicle=car, settings=options), resume=resume
         )
         show.note(said)
         with show.progress_bars() as progress, _interruptible(kept):
-            found = estimate(measured, car, **both, progress=progress, kept=kept)
+            found = estimate(measured, car, options, progress=progress, checkpoint=kept)
     files = list(map(str, write_estimate(found, measured, output)))
     if kept is not None:
         kept.discard()
@@ -125,6 +127,8 @@ def infer(
     else:
         show.profile(files, result)
     if stopped:
+        from trackprofile.methods.cross_entropy.estimator import INTERRUPTED
+
         raise typer.Exit(INTERRUPTED_EXIT if stopped == INTERRUPTED else 1)
 
 

@@ -148,6 +148,7 @@ def _brought(job: Job) -> tuple[State, Entry]:
     from trackprofile.assessment.assess import assess
     from trackprofile.contracts import Rail, of_rail
     from trackprofile.inference.infer import estimate
+    from trackprofile.inference.settings import InferenceSettings
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.store import add, open_store
 
@@ -164,8 +165,10 @@ def _brought(job: Job) -> tuple[State, Entry]:
     if entry is not None:
         return State.THERE, entry
     found = estimate(
-        recording, means.vehicle, installation=means.installation, track=means.track, prior=means.prior
-    )  # fmt: skip
+        recording,
+        means.vehicle,
+        InferenceSettings(installation=means.installation, track=means.track, prior=means.prior),
+    )
     profile = _on_the_line(found.profile, row.offset)
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
     assessment = assess(of_rail(profile, Rail.MEAN), means.limits, row.speed, spectra=spectra)

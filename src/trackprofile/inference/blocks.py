@@ -1,8 +1,8 @@
-"""A long ride in blocks that overlap: bounded memory, and each block by itself, so that work can be taken up again.
+"""A long run in overlapping blocks: bounded memory, and each block independent, so that work can be resumed.
 
-A profile's memory is short: what lies ``OVERLAP`` beyond a block's end says nothing of it that any band would show.
-Each block is smoothed with so much of its neighbours, and over ``FADE`` at their joint two blocks are faded into each
-other.
+The posterior of a profile has a short memory: data more than ``OVERLAP`` beyond the end of a block do not change it in
+any band. Each block is smoothed with that much of its neighbours, and two blocks are blended over ``FADE`` where they
+meet.
 """
 
 from __future__ import annotations
@@ -24,8 +24,7 @@ from trackprofile.inference.quality import quality, unexplained_samples
 from trackprofile.inference.sensitivity import vehicle_sensitivity
 from trackprofile.inference.track_correction import full_track_residual
 from trackprofile.kalman.robust import RobustResult, smooth_robustly
-from trackprofile.kalman.smoother import prior_draws, smooth
-from trackprofile.kalman.time_steps import DiscretisedRun
+from trackprofile.kalman.smoother import SmoothingProblem, prior_draws, smooth
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import Track
 from trackprofile.preprocessing.faults import Fault
@@ -33,42 +32,47 @@ from trackprofile.preprocessing.faults import Fault
 Array = NDArray[np.float64]
 
 LENGTH = 6000.0
-"""m of a block: some 0.6 GB."""
+"""Length of a block, m: about 0.6 GB."""
 
-DRAWN = 512e3
-"""m of track in all draws of the error, behind the uncertainty of the bands."""
+SAMPLED_LENGTH = 512e3
+"""Track length in all posterior samples together, m."""
 
-FEWEST_DRAWS, MOST_DRAWS = 24, 128
-"""However long or short the ride."""
+MIN_SAMPLES, MAX_SAMPLES = 24, 128
+"""Posterior samples, whatever the length of the run."""
 
 FADE = 400.0
-"""m over which one block goes over into the next."""
+"""Length over which two blocks are blended, m."""
 
 OVERLAP = 500.0
-"""m of its neighbours that a block sees: the reach of the longest band's filter, and half the fade."""
+"""Length of its neighbours that a block includes, m: the reach of the filter of D3, and half the fade."""
 
 assert edge_distance(D3) + FADE / 2 <= OVERLAP
 
 
 @dataclass(frozen=True)
 class BlockSettings:
-    """What is the same for all blocks; see :func:`trackprofile.inference.infer.infer`.
+    """What is the same for all blocks; see :class:`trackprofile.inference.infer.InferenceSettings`.
 
-    ``ends`` : m, where the leading wheel stood at the first and the last sample
+    Parameters
+    ----------
+    model : with all hyperparameters
+    installation, track, seed, full_track_correction : as in the inference settings
+    samples : number of posterior samples
+    ends : position of the leading wheel at the first and the last sample of the run, m
     """
 
     model: Model
     installation: Installation
     track: Track
-    draws: int
+    samples: int
     seed: int
-    correct: bool
+    full_track_correction: bool
     ends: tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Block:
-    """Samples ``rows`` of a recording, of which its ``own`` and the profile from ``begin`` to ``end`` m are kept."""
+    """Samples ``rows`` of a recording; kept are the results of its ``own`` samples and from ``begin`` to ``end`` m."""
 
     number: int
     rows: slice
@@ -79,40 +83,40 @@ class Block:
 
 @dataclass(frozen=True)
 class BlockResult:
-    """What a block found.
+    """Result of one block.
 
     Parameters
     ----------
-    place, elevation, spread : (knots,), m
-    bands : by name, (knots,), m
-    flags : (knots,)
-    left : (own samples, sensors), what the model leaves of them, NaN where invalid
+    position, elevation, standard_deviation : (knots,), m
+    bands : standard deviation in each band by name, (knots,), m
+    flags : (knots,), quality
+    residual : (own samples, sensors), measured minus reproduced signal, NaN where invalid
     faults : by samples of the whole recording
     log_likelihood : of its own samples
-    notes : in sentences
+    notes : one sentence each
     """
 
-    place: Array
+    position: Array
     elevation: Array
-    spread: Array
+    standard_deviation: Array
     bands: dict[str, Array]
     flags: NDArray[np.int16]
-    left: Array
+    residual: Array
     faults: tuple[Fault, ...]
     log_likelihood: float
     notes: tuple[str, ...]
 
 
 def cut_into_blocks(distance: Array) -> list[Block]:
-    """Blocks of a ride, by where the leading wheel stood at its samples, (n,) in m; one where that is enough.
+    """Blocks of a run from the position of the leading wheel at its samples, (n,) m; one block for a short run.
 
     Examples
     --------
-    >>> [(one.begin, one.end, one.own) for one in cut(np.arange(0.0, 12001.0))]
+    >>> [(one.begin, one.end, one.own) for one in cut_into_blocks(np.arange(0.0, 12001.0))]
     [(0.0, 6200.0, slice(0, 6000, None)), (5800.0, 12000.0, slice(6000, 12001, None))]
     """
-    run = distance[-1] - distance[0]
-    count = max(1, round(run / LENGTH))
+    length = distance[-1] - distance[0]
+    count = max(1, round(length / LENGTH))
     edges = np.linspace(distance[0], distance[-1], count + 1)
     own = [0, *map(int, np.searchsorted(distance, edges[1:-1])), len(distance)]
     return [
@@ -128,23 +132,23 @@ def cut_into_blocks(distance: Array) -> list[Block]:
 
 
 def default_sample_count(blocks: Sequence[Block]) -> int:
-    """How many draws a ride of these blocks takes: the shorter, the fewer waves it has to average over.
+    """Default number of posterior samples: a short run has fewer waves to average over, so it takes more samples.
 
     Examples
     --------
-    >>> [usual_draws(cut(np.array([0.0, run]))) for run in (1000.0, 8000.0, 100e3)]
+    >>> [default_sample_count(cut_into_blocks(np.array([0.0, run]))) for run in (1000.0, 8000.0, 100e3)]
     [128, 64, 24]
     """
     if len(blocks) > 1:
-        return FEWEST_DRAWS
+        return MIN_SAMPLES
     length = max(blocks[0].end - blocks[0].begin, 1.0)
-    return round(min(max(DRAWN / length, FEWEST_DRAWS), MOST_DRAWS))
+    return round(min(max(SAMPLED_LENGTH / length, MIN_SAMPLES), MAX_SAMPLES))
 
 
 def solve_block(
-    data: Observations, block: Block, task: BlockSettings, progress: Progress
+    data: Observations, block: Block, settings: BlockSettings, progress: Progress
 ) -> BlockResult:
-    """The smoother on one block.
+    """Run the robust smoother on one block, with the uncertainty of every point and band.
 
     Raises
     ------
@@ -152,127 +156,154 @@ def solve_block(
         Where the recording is shorter than the vehicle.
     """
     data = data.part(block.rows)
-    model = task.model
+    model = settings.model
     problem = smoothing_problem(data, model)
     progress("smoothing", 0.2)
-    run, place = problem.run, problem.run.knot_position
-    settled = smooth_robustly(problem)
-    if task.correct:
-        beyond = full_track_residual(
-            data, model, task.track, place, settled.smoothed.elevation[:, 0]
-        )
-        # What the full model explains is no fault of a sensor: all is judged anew without it.
-        signals = problem.signals - beyond[run.samples, run.sensors][:, None]
-        settled = smooth_robustly(replace(problem, signals=signals))
+    run, position = problem.run, problem.run.knot_position
+    robust = _smoothed(problem, data, settings)
     progress("smoothing", 0.5)
-    generator = np.random.default_rng([task.seed, block.number])
-    profiles, simulated = prior_draws(settled.prepared, task.draws, generator)
-    errors = profiles - smooth(settled.prepared, simulated).elevation
+    errors = _posterior_errors(robust, settings, block)
     progress("smoothing", 0.8)
-    elevation = settled.smoothed.elevation[:, 0]
-    slopes = vehicle_sensitivity(data, model, task.installation, place, elevation, progress)
-    # The vehicle errs in the same way in all blocks.
-    directions = np.random.default_rng(task.seed).standard_normal((slopes.shape[1], task.draws))
-    bands, notes = band_spreads(errors + slopes @ directions, run.spacing)
-    known = np.maximum(settled.variances.elevation, 0.0)
-    found = outlier_faults(settled.weights, data, model, run)
+    elevation = robust.smoothed.elevation[:, 0]
+    slopes = vehicle_sensitivity(
+        data, model, settings.installation, position, elevation, progress=progress
+    )
+    # The vehicle errs in the same way in all blocks: its random directions do not depend on the block.
+    generator = np.random.default_rng(settings.seed)
+    directions = generator.standard_normal((slopes.shape[1], settings.samples))
+    bands, notes = band_standard_deviations(errors + slopes @ directions, run.spacing)
+    variance = np.maximum(robust.variances.elevation, 0.0) + np.sum(slopes**2, axis=1)
+    faults = outlier_faults(robust.weights, data, model, run)
     flags = quality(
-        place, bands, data, model, run, _unexplained(data, run, settled, problem.variance),
-        data.faulty | outlier_mask(found, data, model), task.ends,
+        position, bands, data, model, ends=settings.ends,
+        unexplained=_unexplained(data, problem, robust), faulty=data.faulty | outlier_mask(faults, data, model),
     )  # fmt: skip
-    kept = slice(*map(int, np.searchsorted(place, [block.begin, block.end + 1e-9])))
-    left, likelihood = _of_its_own(data, block, run, settled)
+    kept = slice(*map(int, np.searchsorted(position, [block.begin, block.end + 1e-9])))
+    residual, likelihood = _own_residual(data, block, problem, robust)
     return BlockResult(
-        place[kept],
+        position[kept],
         elevation[kept],
-        np.sqrt(known + np.sum(slopes**2, axis=1))[kept],
+        np.sqrt(variance)[kept],
         {name: values[kept] for name, values in bands.items()},
         flags[kept],
-        left,
-        tuple(_of_the_whole(found, block)),
+        residual,
+        tuple(_own_faults(faults, block)),
         likelihood,
         notes,
     )
 
 
-def join_blocks(pieces: Sequence[BlockResult]) -> BlockResult:
-    """The profile of all blocks, faded from each to the next."""
-    first = pieces[0]
-    if len(pieces) == 1:
+def join_blocks(results: Sequence[BlockResult]) -> BlockResult:
+    """The result of a whole run, blended where two blocks meet."""
+    first = results[0]
+    if len(results) == 1:
         return first
-    place = np.unique(np.concatenate([piece.place for piece in pieces]))
-    starts = [int(np.searchsorted(place, piece.place[0])) for piece in pieces]
-    weights = [_weight(pieces, i) for i in range(len(pieces))]
+    position = np.unique(np.concatenate([one.position for one in results]))
+    starts = [int(np.searchsorted(position, one.position[0])) for one in results]
+    weights = [_blend_weight(results, i) for i in range(len(results))]
 
-    def faded(values: Sequence[Array]) -> Array:
-        total = np.zeros(len(place))
+    def blended(values: Sequence[Array]) -> Array:
+        total = np.zeros(len(position))
         for start, weight, own in zip(starts, weights, values, strict=True):
             total[start : start + len(own)] += weight * own
         return total
 
-    flags = np.zeros(len(place), np.int16)
-    for start, weight, piece in zip(starts, weights, pieces, strict=True):
-        here = slice(start, start + len(weight))
-        flags[here] = np.where(weight >= 0.5, piece.flags, flags[here])
-    names = [name for name in first.bands if all(name in piece.bands for piece in pieces)]
+    flags = np.zeros(len(position), np.int16)
+    for start, weight, one in zip(starts, weights, results, strict=True):
+        part = slice(start, start + len(weight))
+        flags[part] = np.where(weight >= 0.5, one.flags, flags[part])
+    names = [name for name in first.bands if all(name in one.bands for one in results)]
     return BlockResult(
-        place,
-        faded([piece.elevation for piece in pieces]),
-        faded([piece.spread for piece in pieces]),
-        {name: faded([piece.bands[name] for piece in pieces]) for name in names},
+        position,
+        blended([one.elevation for one in results]),
+        blended([one.standard_deviation for one in results]),
+        {name: blended([one.bands[name] for one in results]) for name in names},
         flags,
-        np.concatenate([piece.left for piece in pieces]),
-        tuple(fault for piece in pieces for fault in piece.faults),
-        sum(piece.log_likelihood for piece in pieces),
-        tuple(dict.fromkeys(note for piece in pieces for note in piece.notes)),
+        np.concatenate([one.residual for one in results]),
+        tuple(fault for one in results for fault in one.faults),
+        sum(one.log_likelihood for one in results),
+        tuple(dict.fromkeys(note for one in results for note in one.notes)),
     )
 
 
-def band_spreads(errors: Array, spacing: float) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Standard deviation of the error in each band along the track, from draws (knots, draws)."""
+def band_standard_deviations(
+    errors: Array, spacing: float
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Standard deviation of the error in each band along the track, from error samples (knots, samples) in m.
+
+    Returns
+    -------
+    by band, (knots,) in m, and a sentence for each band that the track is too short for
+    """
     length = (len(errors) - 1) * spacing
-    spreads, notes = {}, []
+    deviations, notes = {}, []
     for band in BANDS:
         if length < band.longest:
             notes.append(
                 f"{length:.0f} m are too short for {band.name}, which has waves up to {band.longest:.0f} m"
             )
             continue
-        spreads[band.name] = _local_rms(band_pass(errors.T, spacing, band), spacing, band)
-    return spreads, tuple(notes)
+        deviations[band.name] = _local_rms(band_pass(errors.T, spacing, band), spacing, band)
+    return deviations, tuple(notes)
 
 
-def _local_rms(draws: Array, spacing: float, band: Band) -> Array:
-    """Root mean square over the draws, and along one longest wavelength to make up for their number."""
+def _smoothed(
+    problem: SmoothingProblem, data: Observations, settings: BlockSettings
+) -> RobustResult:
+    """Robust smoother, repeated once on signals without what only the full track model explains."""
+    robust = smooth_robustly(problem)
+    if not settings.full_track_correction:
+        return robust
+    run = problem.run
+    residual = full_track_residual(
+        data, settings.model, settings.track, run.knot_position, robust.smoothed.elevation[:, 0]
+    )
+    # What the full model explains is no fault of a sensor: the weights are found again without it.
+    signals = problem.signals - residual[run.samples, run.sensors][:, None]
+    return smooth_robustly(replace(problem, signals=signals))
+
+
+def _posterior_errors(robust: RobustResult, settings: BlockSettings, block: Block) -> Array:
+    """Samples of the posterior's error, (knots, samples) in m."""
+    generator = np.random.default_rng([settings.seed, block.number])
+    profiles, simulated = prior_draws(robust.prepared, settings.samples, generator)
+    return profiles - smooth(robust.prepared, simulated).elevation
+
+
+def _local_rms(samples: Array, spacing: float, band: Band) -> Array:
+    """Root mean square over the samples, and along one longest wavelength to make up for their small number."""
     count = max(1, round(band.longest / spacing))
-    return np.sqrt(uniform_filter1d(np.mean(draws**2, axis=0), count, mode="nearest"))
+    return np.sqrt(uniform_filter1d(np.mean(samples**2, axis=0), count, mode="nearest"))
 
 
 def _unexplained(
-    data: Observations, ride: DiscretisedRun, settled: RobustResult, variance: Array
+    data: Observations, problem: SmoothingProblem, robust: RobustResult
 ) -> NDArray[np.bool_]:
-    """Samples around which the model does not explain what was measured, whatever weight they were given."""
-    prepared, smoothed = settled.prepared, settled.smoothed
-    expected = prepared.innovation_variance - prepared.variance + variance
-    surprise = smoothed.innovation / np.sqrt(expected)
-    counted = ~single_outliers(settled.weights, ride)
-    return unexplained_samples(data, ride, surprise, smoothed.residual[:, 0], counted)
+    """Samples near which the model does not explain the signals, whatever weight they were given."""
+    gains, smoothed = robust.prepared, robust.smoothed
+    expected = gains.innovation_variance - gains.variance + problem.variance
+    normalised = smoothed.innovation / np.sqrt(expected)
+    counted = ~single_outliers(robust.weights, problem.run)
+    return unexplained_samples(
+        data, problem.run, normalised, residual=smoothed.residual[:, 0], counted=counted
+    )
 
 
-def _of_its_own(
-    data: Observations, block: Block, ride: DiscretisedRun, settled: RobustResult
+def _own_residual(
+    data: Observations, block: Block, problem: SmoothingProblem, robust: RobustResult
 ) -> tuple[Array, float]:
-    """What the model leaves of a block's own samples, and their log-likelihood."""
+    """Residual of a block's own samples, and their log-likelihood."""
+    run, smoothed = problem.run, robust.smoothed
     first = block.own.start - block.rows.start
     own = slice(first, first + block.own.stop - block.own.start)
-    left = np.full(data.signals.shape, np.nan)
-    left[ride.samples, ride.sensors] = settled.smoothed.residual[:, 0]
-    inside = (ride.samples >= own.start) & (ride.samples < own.stop)
-    e, S = settled.smoothed.innovation[inside], settled.prepared.innovation_variance[inside]
-    return left[own], -0.5 * float(np.sum(np.log(2 * np.pi * S) + e**2 / S))
+    residual = np.full(data.signals.shape, np.nan)
+    residual[run.samples, run.sensors] = smoothed.residual[:, 0]
+    inside = (run.samples >= own.start) & (run.samples < own.stop)
+    e, S = smoothed.innovation[inside], robust.prepared.innovation_variance[inside]
+    return residual[own], -0.5 * float(np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 
-def _of_the_whole(faults: Sequence[Fault], block: Block) -> Iterator[Fault]:
+def _own_faults(faults: Sequence[Fault], block: Block) -> Iterator[Fault]:
     """Faults of a block's own samples, by samples of the whole recording."""
     for fault in faults:
         first = max(fault.first + block.rows.start, block.own.start)
@@ -281,20 +312,20 @@ def _of_the_whole(faults: Sequence[Fault], block: Block) -> Iterator[Fault]:
             yield replace(fault, first=first, last=last)
 
 
-def _weight(pieces: Sequence[BlockResult], number: int) -> Array:
-    """Of one piece, at each of its places: 1 but for the joints, over which it goes to 0."""
-    place = pieces[number].place
-    weight = np.ones(len(place))
+def _blend_weight(results: Sequence[BlockResult], number: int) -> Array:
+    """Weight of one block at each of its knots: 1, falling to 0 where it meets its neighbours."""
+    position = results[number].position
+    weight = np.ones(len(position))
     if number > 0:
-        end = pieces[number - 1].place[-1]
-        weight *= _step((place - place[0]) / (end - place[0]))
-    if number < len(pieces) - 1:
-        begin = pieces[number + 1].place[0]
-        weight *= _step((place[-1] - place) / (place[-1] - begin))
+        end = results[number - 1].position[-1]
+        weight *= _smooth_step((position - position[0]) / (end - position[0]))
+    if number < len(results) - 1:
+        begin = results[number + 1].position[0]
+        weight *= _smooth_step((position[-1] - position) / (position[-1] - begin))
     return weight
 
 
-def _step(share: Array) -> Array:
-    """From 0 to 1 as u³ (10 - 15 u + 6 u²), which bends nowhere so that a band would show it; 1 - that backwards."""
+def _smooth_step(share: Array) -> Array:
+    """u³ (10 - 15 u + 6 u²), from 0 to 1 with two continuous derivatives; its mirror image is 1 minus itself."""
     u = np.clip(share, 0.0, 1.0)
     return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)

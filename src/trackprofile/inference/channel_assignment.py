@@ -1,10 +1,9 @@
-"""Channels that were exchanged or turned round, and a vehicle that runs the other way round, told by what the same
-track makes of each channel.
+"""Detection of exchanged channels, wrong signs and a reversed vehicle from the response of all channels to one profile.
 
-All sensors feel one profile, so that their spectra at a frequency f are those of one random number times the transfer
-functions h(Ω), Ω = 2πf/v: the covariance of all channels is α (h hᴴ + D). An exchange or a change of sign puts phases
-or sizes where no profile could; with the other end leading sensors feel the track in another order, and what was
-nose-up is nose-down.
+All sensors respond to one profile: their spectra at a frequency f are one random number times the transfer functions
+h(Ω), Ω = 2πf/v, so the covariance of all channels is α (h hᴴ + D). Exchanged channels or a wrong sign give phases or
+amplitudes that no profile can cause. With the other end leading, the sensors pass over the track in another order, and
+nose-up becomes nose-down.
 """
 
 from __future__ import annotations
@@ -29,29 +28,29 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 WINDOW = 4.0
-"""s of one spectrum."""
+"""Length of the window of one spectrum, s."""
 
 LOW, HIGH = 0.7, 15.0
-"""Hz, between which a rigid car holds for any train."""
+"""Frequencies between which a rigid vehicle model holds for any train, Hz."""
 
-SLOWEST = 8.0
-"""m/s, below which nothing is judged."""
+MIN_SPEED = 8.0
+"""Minimum speed of a window, m/s."""
 
-MOST_WINDOWS = 40
+MAX_WINDOWS = 40
 
 MISFIT = 0.2
-"""Share of each channel's power that model and noise may be wrong by."""
+"""Error of model and noise as a share of each channel's power."""
 
-CLEARLY = 0.5
-"""By which the logarithm of the likelihood has to be better for each frequency of each window."""
+MIN_GAIN = 0.5
+"""Minimum gain of log-likelihood per frequency and window for a change."""
 
-FEWEST = 40
-"""Frequencies of windows below which nothing is judged."""
+MIN_FREQUENCIES = 40
+"""Minimum number of frequencies in all windows for a decision."""
 
 
 @dataclass(frozen=True)
 class ChannelAssignment:
-    """Which measured channel each sensor has, and with which sign; ``turned``: on the vehicle turned round."""
+    """Channel and sign of each sensor; ``turned``: on the reversed vehicle."""
 
     order: tuple[int, ...]
     sign: tuple[int, ...]
@@ -59,49 +58,48 @@ class ChannelAssignment:
 
 
 def assign_channels(data: Observations, vehicle: Vehicle, track: PointTrack) -> Observations:
-    """The recording with channels put right that were exchanged or turned round, said in its faults and notes.
+    """Observations with exchanged channels and wrong signs corrected, and reported in faults and notes.
 
-    Nothing is changed where it is not much more likely so; one channel alone cannot tell. An accelerometer that reads
-    gravity has the right sign.
+    A change needs a clear gain of likelihood; a single channel is never changed. An accelerometer that reads gravity
+    has the right sign.
 
     Parameters
     ----------
-    vehicle : with the end first that is taken to lead
+    vehicle : with the end first that is assumed to lead
 
     Raises
     ------
     DataError
-        Where the sign of a channel is wrong, but not which: of two that contradict each other either may be right.
+        Where two channels contradict each other and either may have the wrong sign.
     """
     count = len(data.sensors)
     spectra = list(_spectra(data)) if count > 1 else []
     if not spectra:
         return data
-    # Which end leads the mean of both rails tells; what rolls follows it.
-    as_it_is, *others = _wirings(data, turnable=not isinstance(vehicle, RollVehicle))
+    # The mean of both rails determines which end leads; the difference follows it.
+    as_recorded, *others = _assignments(data, turnable=not isinstance(vehicle, RollVehicle))
     pairs = {False: _pairs(spectra, vehicle, track, data.sensors)}
     if others[0].turned:
         turned = turned_sensors(data).sensors
         pairs[True] = _pairs(spectra, reversed_vehicle(vehicle), track, turned)
     frequencies = sum(len(y) for y, _ in pairs[False])
-    here = _log_likelihood(pairs[False], as_it_is)
-    gains = [_log_likelihood(pairs[one.turned], one) - here for one in others]
+    reference = _log_likelihood(pairs[False], as_recorded)
+    gains = [_log_likelihood(pairs[one.turned], one) - reference for one in others]
     best = int(np.argmax(gains))
-    if frequencies < FEWEST or gains[best] < CLEARLY * frequencies:
+    if frequencies < MIN_FREQUENCIES or gains[best] < MIN_GAIN * frequencies:
         return data
-    alike = [one for one, gain in zip(others, gains, strict=True) if gain > gains[best] - 1.0]
-    if len([one for one in alike if not one.turned]) > 1:
+    equivalent = [one for one, gain in zip(others, gains, strict=True) if gain > gains[best] - 1.0]
+    if len([one for one in equivalent if not one.turned]) > 1:
         names = " and ".join(repr(one.name) for one in data.sensors)
         raise DataError(
-            f"The signs of {names} contradict each other: one of them is turned round; find out which (at rest an "
-            "accelerometer reads gravity upwards), or the vehicle runs the other way round (leading_end): mend the "
-            "recording."
+            f"The signs of {names} contradict each other: one of them is wrong (at rest an accelerometer reads gravity "
+            "upwards), or the last wheel leads (leading_end); correct the description of the recording."
         )
-    return _put_right(data, alike)
+    return _corrected(data, equivalent)
 
 
 def turned_sensors(data: Observations) -> Observations:
-    """The same, on the vehicle turned round: what was ahead is behind, left is right, nose-up is nose-down."""
+    """Observations on the reversed vehicle: ahead becomes behind, left becomes right, nose-up becomes nose-down."""
     sensors = tuple(
         replace(one, position=-one.position, lateral=-one.lateral, tilt=-one.tilt)
         for one in data.sensors
@@ -111,7 +109,7 @@ def turned_sensors(data: Observations) -> Observations:
 
 
 def _nose_down(data: Observations) -> tuple[int, ...]:
-    """The sign of what each sensor reads on the vehicle turned round."""
+    """Sign of each sensor's reading on the reversed vehicle."""
     return tuple(-1 if one.quantity in {PITCH_RATE, ROLL_RATE} else 1 for one in data.sensors)
 
 
@@ -119,54 +117,56 @@ def _pairs(
     spectra: list[tuple[Array, ComplexArray, float]], vehicle: Vehicle, track: PointTrack,
     sensors: tuple[Sensor, ...],
 ) -> list[tuple[ComplexArray, ComplexArray]]:  # fmt: skip
-    """Spectra of windows, and the transfer functions that they should have."""
+    """Spectra of windows, each with the transfer functions of the model."""
     system = state_space(vehicle, track, sensors)
     return [(y, transfer_function(system, 2 * np.pi * f / speed, speed)) for f, y, speed in spectra]
 
 
-def _wirings(data: Observations, *, turnable: bool) -> list[ChannelAssignment]:
-    """As it is, the vehicle turned, one sign turned that gravity does not tell, or two channels exchanged."""
+def _assignments(data: Observations, *, turnable: bool) -> list[ChannelAssignment]:
+    """As recorded, vehicle reversed, one sign changed that gravity does not determine, or two channels exchanged."""
     count = len(data.sensors)
     straight, plus = tuple(range(count)), (1,) * count
-    found = [ChannelAssignment(straight, plus)]
+    assignments = [ChannelAssignment(straight, plus)]
     if turnable:
-        found.append(ChannelAssignment(straight, _nose_down(data), turned=True))
-    told = data.by_gravity or (False,) * count
-    for i in (i for i in range(count) if not told[i]):
-        found.append(ChannelAssignment(straight, tuple(-1 if j == i else 1 for j in range(count))))
+        assignments.append(ChannelAssignment(straight, _nose_down(data), turned=True))
+    upright = data.by_gravity or (False,) * count
+    for i in (i for i in range(count) if not upright[i]):
+        assignments.append(
+            ChannelAssignment(straight, tuple(-1 if j == i else 1 for j in range(count)))
+        )
     for i, j in combinations(range(count), 2):
         order = list(straight)
         order[i], order[j] = j, i
-        found.append(ChannelAssignment(tuple(order), plus))
-    return found
+        assignments.append(ChannelAssignment(tuple(order), plus))
+    return assignments
 
 
 def _spectra(data: Observations) -> Iterator[tuple[Array, ComplexArray, float]]:
-    """Frequencies (m,) in Hz, spectra (m, sensors) and mean speed of windows in which all is valid."""
+    """Frequencies (m,) in Hz, spectra (m, sensors) and mean speed (m/s) of windows in which all samples are valid."""
     time, speed = data.motion.time, data.motion.speed
     interval = float(np.median(np.diff(time)))
     size = max(round(WINDOW / interval), 2)
     f = np.asarray(np.fft.rfftfreq(size, interval), np.float64)
     inside = (f > LOW) & (f < HIGH)
-    apart = max(size // 2, (len(time) - size) // MOST_WINDOWS, 1)
+    hop = max(size // 2, (len(time) - size) // MAX_WINDOWS, 1)
     taper = np.hanning(size)[:, None]
-    for start in range(0, len(time) - size + 1, apart):
+    for start in range(0, len(time) - size + 1, hop):
         rows = slice(start, start + size)
-        t, going = time[rows], speed[rows]
+        t, v = time[rows], speed[rows]
         good = data.valid[rows].all() and len(t) == size
-        if not good or np.any(np.diff(t) > 1.5 * interval) or going.min() < SLOWEST:
+        if not good or np.any(np.diff(t) > 1.5 * interval) or v.min() < MIN_SPEED:
             continue
         signal = data.signals[rows] - data.signals[rows].mean(axis=0)
-        yield f[inside], np.fft.rfft(taper * signal, axis=0)[inside], float(going.mean())
+        yield f[inside], np.fft.rfft(taper * signal, axis=0)[inside], float(v.mean())
 
 
 def _log_likelihood(
-    pairs: list[tuple[ComplexArray, ComplexArray]], wiring: ChannelAssignment
+    pairs: list[tuple[ComplexArray, ComplexArray]], assignment: ChannelAssignment
 ) -> float:
-    """Of spectra (m, sensors) under transfer functions (m, sensors), the level at each frequency the likeliest."""
+    """Log-likelihood of spectra (m, sensors) under transfer functions (m, sensors), at the likeliest levels."""
     total = 0.0
     for measured, h in pairs:
-        y = measured[:, list(wiring.order)] * np.array(wiring.sign, dtype=np.float64)
+        y = measured[:, list(assignment.order)] * np.array(assignment.sign, dtype=np.float64)
         power = np.abs(h) ** 2
         D = MISFIT * (power + np.mean(power, axis=0))
         # (h hᴴ + D)⁻¹ and its determinant, by the rank-one formulas.
@@ -180,45 +180,47 @@ def _log_likelihood(
     return total
 
 
-def _put_right(data: Observations, alike: list[ChannelAssignment]) -> Observations:
-    """The recording by the likeliest wiring, or by one of two that say the same: an exchange, or the vehicle turned."""
-    turned = [one for one in alike if one.turned]
-    others = [one for one in alike if not one.turned]
+def _corrected(data: Observations, equivalent: list[ChannelAssignment]) -> Observations:
+    """Observations by the likeliest assignment; of two equivalent ones the exchange precedes the reversed vehicle."""
+    turned = [one for one in equivalent if one.turned]
+    others = [one for one in equivalent if not one.turned]
     exchanged = bool(others) and others[0].order != tuple(range(len(data.sensors)))
     if turned and not exchanged:
-        return _turned(data, others)
-    return _rewired(data, others[0], ", or the vehicle runs the other way round" if turned else "")
+        return _reversed(data, others)
+    return _reassigned(data, others[0], ", or the last wheel leads" if turned else "")
 
 
-def _turned(data: Observations, others: list[ChannelAssignment]) -> Observations:
-    """The recording of the vehicle turned round; ``others`` would explain it as well, and are less likely."""
+def _reversed(data: Observations, others: list[ChannelAssignment]) -> Observations:
+    """Observations of the reversed vehicle; ``others`` explain the signals almost as well."""
     last = len(data.motion.time) - 1
-    doubt = ""
+    alternative = ""
     if others:
         name = data.sensors[others[0].sign.index(-1)].name
-        doubt = f" (or the sign of {name!r} is turned: then places are off by up to the vehicle's length)"
-    said = f"the vehicle runs the other way round, its last wheel leads: the signals fit no profile otherwise{doubt}"
-    found = turned_sensors(data)
+        alternative = f" (or the sign of {name!r} is wrong: then positions are off by up to the vehicle's length)"
+    note = f"the vehicle is reversed, its last wheel leads: no profile explains the signals otherwise{alternative}"
     return replace(
-        found,
+        turned_sensors(data),
         faults=(*data.faults, Fault(FaultKind.TURNED, "", 0, last)),
-        notes=(*data.notes, f"{said}; state leading_end in the recording"),
+        notes=(*data.notes, f"{note}; state leading_end in the recording"),
     )
 
 
-def _rewired(data: Observations, wiring: ChannelAssignment, doubt: str) -> Observations:
-    order, sign = list(wiring.order), np.array(wiring.sign, dtype=np.float64)
+def _reassigned(
+    data: Observations, assignment: ChannelAssignment, alternative: str
+) -> Observations:
+    order, sign = list(assignment.order), np.array(assignment.sign, dtype=np.float64)
     last = len(data.motion.time) - 1
     changed = [i for i, (j, s) in enumerate(zip(order, sign, strict=True)) if i != j or s < 0]
     names = [data.sensors[i].name for i in changed]
     if len(changed) == 1:
-        kind, said = (
-            FaultKind.SIGN,
-            f"the sign of {names[0]!r} is turned round: it fits no profile otherwise",
-        )
+        kind = FaultKind.SIGN
+        note = f"the sign of {names[0]!r} is wrong and was changed: no profile explains the signals otherwise"
     else:
         kind = FaultKind.EXCHANGED
-        said = f"{names[0]!r} and {names[1]!r} are exchanged{doubt}: they fit no profile otherwise; mend the recording"
+        note = (
+            f"{names[0]!r} and {names[1]!r} are exchanged{alternative}: no profile explains the signals otherwise; "
+            "correct the description of the recording"
+        )
     return replace(
         data,
         signals=data.signals[:, order] * sign,
@@ -227,5 +229,5 @@ def _rewired(data: Observations, wiring: ChannelAssignment, doubt: str) -> Obser
         saturated=data.saturated[:, order],
         faulty=np.ones_like(data.faulty),
         faults=(*data.faults, *(Fault(kind, name, 0, last) for name in names)),
-        notes=(*data.notes, said),
+        notes=(*data.notes, note),
     )

@@ -1,8 +1,8 @@
-"""infer: from a recording to the profile, with the uncertainty of every point and band."""
+"""infer: from a recording to the profile, with the uncertainty of every point and every band."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from trackprofile.bands import FILTER_NAME
 from trackprofile.contracts import build_profile, with_provenance, with_rails
 from trackprofile.inference.blocks import (
-    Block,
     BlockResult,
     BlockSettings,
     cut_into_blocks,
@@ -24,7 +23,12 @@ from trackprofile.inference.blocks import (
 from trackprofile.inference.channel_assignment import assign_channels
 from trackprofile.inference.hyperparameters import find_hyperparameters
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.inference.observations import KNOT_SPACING, Observations, observations, signal_rms
+from trackprofile.inference.observations import (
+    KNOT_SPACING,
+    Observations,
+    observations,
+    signal_rms,
+)
 from trackprofile.inference.orientation import orient
 from trackprofile.inference.outliers import describe_faults
 from trackprofile.inference.position_uncertainty import (
@@ -38,6 +42,7 @@ from trackprofile.inference.rail_decomposition import (
     rail_levels,
 )
 from trackprofile.inference.sensitivity import with_gain_uncertainty
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.models.receptance import point_track
 from trackprofile.models.roll import roll_track, roll_vehicle_for_sensors
 from trackprofile.models.sensor import Installation
@@ -51,22 +56,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Estimate:
-    """What infer found.
+    """Result of an inference.
 
     Parameters
     ----------
     profile : the profile contract
-    taken : by channel, (samples,), its signal as it was taken: upright, without gravity; NaN where left out
-    reproduced : by channel, (samples,), what profile, offset and unmodelled acceleration explain; NaN where invalid
-    sample_distance : (samples,), m, where the leading wheel stood
-    model : with the noise and prior that were used
-    notes : what was found or assumed, in sentences
+    used_signals : by channel, (samples,), upright and without gravity; NaN where left out
+    reproduced : by channel, (samples,), signal that profile, offset and unmodelled acceleration explain; NaN where the
+        sample is invalid
+    sample_distance : (samples,), position of the leading wheel, m
+    model : with the noise and the prior that were used
+    notes : estimates and assumptions, one sentence each
     log_likelihood : of the recording
-    faults : what was found wrong with the recording, and left out or weighted down
+    faults : faults of the recording, left out or down-weighted
     """
 
     profile: xr.Dataset
-    taken: Mapping[str, Array]
+    used_signals: Mapping[str, Array]
     reproduced: Mapping[str, Array]
     sample_distance: Array
     model: Model
@@ -76,7 +82,7 @@ class Estimate:
 
     @property
     def figures(self) -> dict[str, float]:
-        """What says how well it went, by name."""
+        """Figures of merit by name."""
         return {"log_likelihood": self.log_likelihood}
 
 
@@ -87,197 +93,208 @@ def infer(
     installation: Installation | None = None,
     track: Track | None = None,
     prior: Spectrum | None = None,
-    draws: int | None = None,
+    samples: int | None = None,
     seed: int = 0,
-    correct: bool = False,
-    load: bool = False,
+    full_track_correction: bool = False,
+    estimate_load: bool = False,
     progress: Progress | None = None,
 ) -> xr.Dataset:
-    """The track's longitudinal profile from what a vehicle's sensors recorded.
+    """Longitudinal profile of the track from the signals that a vehicle's sensors recorded.
 
-    The optimal smoother (theory, section 7): the mean of the posterior of a spline with a Markov prior, given
-    all samples marked valid, with its standard deviation at every point and, from posterior draws, in each of
-    the bands D1, D2 and D3.
+    The optimal smoother (theory, section 7): the posterior mean of a spline with a Markov prior given all valid
+    samples, with its standard deviation at every point and, from posterior samples, in each of the bands D1, D2 and D3.
 
     Parameters
     ----------
     recording : the recording contract
     vehicle : the vehicle that carries the sensors
-    installation : of the sensors, from a calibration; None takes the recording's word
-    track : what the wheels stand on; None is a rigid track
-    prior : spectrum of the profile, the mean of both rails, before anything is measured; None finds its level from the
-        data. That of the rails' difference is always found from the data
-    draws : number of posterior draws behind the bands' standard deviations; None: 128, for a long ride down to 24
-    seed : of the draws
-    correct : take off what the full model of a layered track makes of the profile beyond the point track that
-        stands for it; once, for the waves of a sleeper bay would grow with each repetition
-    load : find what the first body weighs on the day, about what the vehicle states
-    progress : told the stage and its share done
+    installation : of the sensors, from a calibration; None uses the description in the recording
+    track : under the wheels; None is a rigid track
+    prior : spectrum of the profile (mean of both rails) before anything is measured, m²/(rad/m); None estimates its
+        level from the data
+    samples : number of posterior samples for the standard deviations of the bands, dimensionless; None: 128, fewer for
+        a long run, at least 24
+    seed : of the posterior samples, dimensionless
+    full_track_correction : correct once by the full model of a layered track
+    estimate_load : estimate the mass of the first body, with a prior about the vehicle's stated mass
+    progress : called with the stage and its completed share, dimensionless
 
     Returns
     -------
     the profile contract: elevation (m) every 0.25 m where the leading wheel ran; with sensors left and right, or of
-    roll, also that of each rail and their difference
+    roll, also the elevation of each rail and their difference
 
     Raises
     ------
     DataError
         Where the recording is shorter than the vehicle.
     ModelError
-        Where the vehicle does not have what a sensor stands on.
+        Where the vehicle lacks the body that a sensor is mounted on.
+
+    Examples
+    --------
+    >>> from trackprofile import infer, simulate  # doctest: +SKIP
+    >>> profile = infer(recording, vehicle, samples=64)  # doctest: +SKIP
     """
-    return estimate(
-        recording, vehicle, installation=installation, track=track, prior=prior, draws=draws,
-        seed=seed, correct=correct, load=load, progress=progress,
-    ).profile  # fmt: skip
+    settings = InferenceSettings(
+        installation or Installation(), track or RigidTrack(), prior, samples, seed,
+        full_track_correction, estimate_load,
+    )  # fmt: skip
+    return estimate(recording, vehicle, settings, progress=progress).profile
 
 
 def estimate(
     recording: xr.Dataset,
     vehicle: Vehicle,
+    settings: InferenceSettings | None = None,
     *,
-    installation: Installation | None = None,
-    track: Track | None = None,
-    prior: Spectrum | None = None,
-    draws: int | None = None,
-    seed: int = 0,
-    correct: bool = False,
-    load: bool = False,
     progress: Progress | None = None,
-    kept: MutableMapping[int, BlockResult] | None = None,
+    checkpoint: MutableMapping[int, BlockResult] | None = None,
 ) -> Estimate:
-    """As :func:`infer`, with the reproduced signals and what was found on the way.
+    """As :func:`infer`, with the reproduced signals, the faults and the model.
 
-    ``kept`` holds the blocks that an earlier call with the same arguments has solved, and is given the others.
+    ``checkpoint`` holds the blocks that an earlier call with the same arguments has solved, and receives the others.
     """
-    installation, track = installation or Installation(), track or RigidTrack()
+    settings = settings or InferenceSettings()
     progress = progress or (lambda stage, share: None)
-    kept = {} if kept is None else kept
-    installation, scaled = correct_wheel_scale(installation, recording)
+    checkpoint = {} if checkpoint is None else checkpoint
+    installation, scale_notes = correct_wheel_scale(settings.installation, recording)
+    settings = replace(settings, installation=installation)
     data = observations(recording, installation)
-    sides, vehicle = orient(data, recording, vehicle, point_track(track), installation)
-    ride = _SmootherSettings(vehicle, installation, track, draws, seed, correct)
-    mean = _inferred(sides.mean, ride, prior, kept, 0, progress, load=load)
+    rails, vehicle = orient(data, recording, vehicle, point_track(settings.track), installation)
+    mean = _smooth(rails.mean, vehicle, settings, _Blocks(checkpoint, 0, progress))
     difference = None
-    if sides.difference is not None:
-        ride = _of_difference(ride, sides, mean)
-        difference = _inferred(
-            assign_channels(sides.difference, ride.vehicle, point_track(ride.track)), ride, None, kept,
-            mean.blocks, lambda stage, share: progress(f"{stage}, difference", share), knee=True,
-        )  # fmt: skip
-    places, located = position_standard_deviation(mean.piece.place, mean.run, recording)
-    mean = replace(mean, notes=(*scaled, *located, *mean.notes))
-    return _together(sides, mean, difference, places, track, vehicle)
+    if rails.difference is not None:
+        car, of_difference = _difference_settings(vehicle, settings, rails, mean)
+        data = assign_channels(rails.difference, car, point_track(of_difference.track))
+        blocks = _Blocks(
+            checkpoint, mean.blocks, lambda stage, share: progress(f"{stage}, difference", share)
+        )
+        difference = _smooth(data, car, of_difference, blocks, estimate_corner=True)
+    positions, position_notes = position_standard_deviation(
+        mean.result.position, mean.sample_distance, recording
+    )
+    mean = replace(mean, notes=(*scale_notes, *position_notes, *mean.notes))
+    return _combine(rails, mean, difference, positions, settings.track, vehicle)
 
 
 @dataclass(frozen=True)
-class _SmootherSettings:
-    """What the smoother is told of one half of a recording; see :func:`infer`."""
+class _Blocks:
+    """Where the solved blocks of one smoother run are kept, from number ``first`` on, and who hears of its progress."""
 
-    vehicle: Vehicle
-    installation: Installation
-    track: Track
-    draws: int | None
-    seed: int
-    correct: bool
+    checkpoint: MutableMapping[int, BlockResult]
+    first: int
+    progress: Progress
 
 
 @dataclass(frozen=True)
-class _Inferred:
-    """What it found: in how many ``blocks``, from ``data``, at the samples' places ``run``; ``step`` says how."""
+class _Smoothed:
+    """Smoother result for the mean or the difference of the rails, in so many ``blocks``; ``step`` for provenance."""
 
-    piece: BlockResult
+    result: BlockResult
     data: Observations
     model: Model
-    run: Array
+    sample_distance: Array
     notes: tuple[str, ...]
     step: str
     blocks: int
 
     @property
     def reproduced(self) -> Array:
-        """(samples, sensors)"""
-        return self.data.signals - self.piece.left
+        """Signals that the model explains, (samples, sensors)."""
+        return self.data.signals - self.result.residual
 
 
-def _inferred(
-    data: Observations, ride: _SmootherSettings, prior: Spectrum | None,
-    kept: MutableMapping[int, BlockResult], first: int, progress: Progress, *, load: bool = False, knee: bool = False,
-) -> _Inferred:  # fmt: skip
-    """The smoother on one half; its blocks are kept from number ``first`` on.
-
-    Of the load and the knee of the prior is found what is asked for.
-    """
-    installation, track = ride.installation, ride.track
+def _smooth(
+    data: Observations,
+    vehicle: Vehicle,
+    settings: InferenceSettings,
+    blocks: _Blocks,
+    *,
+    estimate_corner: bool = False,
+) -> _Smoothed:
+    """Estimate the hyperparameters, then run the smoother block by block."""
+    installation, track = settings.installation, settings.track
     calibrated = installation.uncertainty is not None
     model, notes = find_hyperparameters(
-        data, ride.vehicle, point_track(track), installation, prior, progress, load=load, knee=knee
+        data, vehicle, settings, blocks.progress, estimate_corner=estimate_corner
     )
     if any(data.gain_doubt):
-        installation = replace(
-            installation, uncertainty=with_gain_uncertainty(installation.uncertainty, data)
+        uncertainty = with_gain_uncertainty(installation.uncertainty, data)
+        installation = replace(installation, uncertainty=uncertainty)
+        notes += (
+            "the uncertainty of the gain of a tilted sensor is included in that of the profile",
         )
-        notes += ("the uncertainty of a gain that an angle made is in that of the profile",)
-    run = leading_wheel_motion(data, model).distance
-    blocks = cut_into_blocks(run)
-    draws = ride.draws or default_sample_count(blocks)
-    ends = (float(run[0]), float(run[-1]))
-    task = BlockSettings(model, installation, track, draws, ride.seed, ride.correct, ends)
-    data = replace(data, loud=signal_rms(data))
-    found = join_blocks(_pieces(data, blocks, task, kept, first, progress))
+    distance = leading_wheel_motion(data, model).distance
+    cuts = cut_into_blocks(distance)
+    samples = settings.samples or default_sample_count(cuts)
+    block_settings = BlockSettings(
+        model, installation, track, samples, settings.seed, settings.full_track_correction,
+        (float(distance[0]), float(distance[-1])),
+    )  # fmt: skip
+    data = replace(data, rms=signal_rms(data))
+    result = join_blocks(_solve_blocks(data, distance, block_settings, blocks))
     notes = (
-        *data.notes, *describe_faults((*data.faults, *found.faults), run), *notes,
-        *_reduction(track, model.track, ride.correct),
+        *data.notes, *describe_faults((*data.faults, *result.faults), distance), *notes,
+        *_describe_reduction(track, model.track, settings.full_track_correction),
     )  # fmt: skip
     if calibrated:
-        notes += ("the uncertainty of the calibrated vehicle is in that of the profile",)
-    step = f"infer: smoother, knots every {KNOT_SPACING} m, {draws} draws, seed {ride.seed}; bands: {FILTER_NAME}"
-    return _Inferred(found, data, model, run, notes, step, len(blocks))
-
-
-def _of_difference(
-    ride: _SmootherSettings, sides: RailDecomposition, mean: _Inferred
-) -> _SmootherSettings:
-    """On the rolling car, loaded as it was found to be; a full model of the track that rolls there is none."""
-    assert sides.difference is not None
-    support = point_track(ride.track)
-    car = roll_vehicle_for_sensors(mean.model.vehicle, support, sides.halves[1].sensors)
-    installation = difference_installation(ride.installation, ride.vehicle, car, sides.difference)
-    return replace(
-        ride, vehicle=car, installation=installation, track=roll_track(support), correct=False
+        notes += ("the uncertainty of the calibrated vehicle is included in that of the profile",)
+    step = (
+        f"infer: smoother, knots every {KNOT_SPACING} m, {samples} samples, seed {settings.seed}; "
+        f"bands: {FILTER_NAME}"
     )
+    return _Smoothed(result, data, model, distance, notes, step, len(cuts))
 
 
-def _together(
-    sides: RailDecomposition, mean: _Inferred, difference: _Inferred | None, places: Array | None, track: Track,
-    vehicle: Vehicle,
+def _difference_settings(
+    vehicle: Vehicle, settings: InferenceSettings, rails: RailDecomposition, mean: _Smoothed
+) -> tuple[Vehicle, InferenceSettings]:
+    """The rolling car with the load that was estimated, and the settings for it; no full track model rolls."""
+    assert rails.difference is not None
+    support = point_track(settings.track)
+    car = roll_vehicle_for_sensors(mean.model.vehicle, support, rails.modes[1].sensors)
+    installation = difference_installation(settings.installation, vehicle, car, rails.difference)
+    return car, replace(
+        settings, installation=installation, track=roll_track(support), prior=None,
+        full_track_correction=False, estimate_load=False,
+    )  # fmt: skip
+
+
+def _combine(
+    rails: RailDecomposition, mean: _Smoothed, difference: _Smoothed | None, positions: Array | None,
+    track: Track, vehicle: Vehicle,
 ) -> Estimate:  # fmt: skip
-    """The profile of the mean, and beside it those of both rails where the difference is told."""
-    found, notes, remarks = mean.piece, mean.notes, mean.piece.notes
+    """The profile of the mean, and of both rails where their difference is determined."""
+    result, notes, remarks = mean.result, mean.notes, mean.result.notes
     profile = build_profile(
-        found.place,
-        found.elevation,
+        result.position,
+        result.elevation,
         kind="posterior",
         method="smoother",
-        standard_deviation=found.spread,
-        band_standard_deviations=found.bands,
-        quality=found.flags,
+        standard_deviation=result.standard_deviation,
+        band_standard_deviations=result.bands,
+        quality=result.flags,
         loading=loading(track),
         vehicle=vehicle.name,
-        distance_deviation=places,
+        distance_deviation=positions,
     )
-    faults, likelihood = (*mean.data.faults, *found.faults), found.log_likelihood
+    faults, likelihood = (*mean.data.faults, *result.faults), result.log_likelihood
     if difference is not None:
-        across = difference.piece
+        across = difference.result
         notes += tuple(f"difference of the rails: {note}" for note in difference.notes)
         remarks = tuple(dict.fromkeys((*remarks, *across.notes)))
         faults, likelihood = (*faults, *across.faults), likelihood + across.log_likelihood
-        profile = with_rails(profile, rail_levels(found, across, sides.shared), across.flags)
+        profile = with_rails(
+            profile, rail_levels(result, across, rails.noise_correlation), across.flags
+        )
     return Estimate(
         with_provenance(profile, "; ".join([mean.step, *notes])),
-        sides.of_sensors(mean.data.taken, None if difference is None else difference.data.taken),
-        sides.of_sensors(mean.reproduced, None if difference is None else difference.reproduced),
-        mean.run,
+        rails.sensor_signals(mean.data.used, None if difference is None else difference.data.used),
+        rails.sensor_signals(
+            mean.reproduced, None if difference is None else difference.reproduced
+        ),
+        mean.sample_distance,
         mean.model,
         (*notes, *remarks),
         likelihood,
@@ -285,33 +302,33 @@ def _together(
     )
 
 
-def _pieces(
-    data: Observations, blocks: Sequence[Block], task: BlockSettings,
-    kept: MutableMapping[int, BlockResult], first: int, progress: Progress,
-) -> list[BlockResult]:  # fmt: skip
-    """All blocks of a ride, solved, or taken from what was kept of an earlier one from number ``first`` on."""
+def _solve_blocks(
+    data: Observations, distance: Array, settings: BlockSettings, blocks: _Blocks
+) -> list[BlockResult]:
+    """All blocks of a run, solved, or taken from the checkpoint."""
+    cuts = cut_into_blocks(distance)
 
-    def describe_faults(stage: str, share: float, number: int) -> None:
-        progress(stage, (number + share) / len(blocks) if stage == "smoothing" else share)
+    def report(stage: str, share: float, number: int) -> None:
+        blocks.progress(stage, (number + share) / len(cuts) if stage == "smoothing" else share)
 
-    pieces = []
-    for block in blocks:
-        piece = kept.get(first + block.number)
-        if piece is None:
-            piece = solve_block(data, block, task, partial(describe_faults, number=block.number))
-            if len(blocks) > 1:
-                kept[first + block.number] = piece
-        pieces.append(piece)
-        progress("smoothing", (block.number + 1) / len(blocks))
-    return pieces
+    results = []
+    for block in cuts:
+        result = blocks.checkpoint.get(blocks.first + block.number)
+        if result is None:
+            result = solve_block(data, block, settings, partial(report, number=block.number))
+            if len(cuts) > 1:
+                blocks.checkpoint[blocks.first + block.number] = result
+        results.append(result)
+        blocks.progress("smoothing", (block.number + 1) / len(cuts))
+    return results
 
 
-def _reduction(track: Track, reduced: PointTrack, correct: bool) -> tuple[str, ...]:
-    """What stands for a layered track, in words."""
+def _describe_reduction(track: Track, reduced: PointTrack, corrected: bool) -> tuple[str, ...]:
+    """A sentence on the point track to which a layered track is reduced."""
     if not (isinstance(track, LayeredTrack) and isinstance(reduced, ElasticTrack)):
         return ()
     return (
-        f"track {track.name!r} stands under each wheel as {reduced.stiffness / 1e6:.1f} MN/m, "
-        f"{reduced.damping / 1e3:.1f} kN s/m and {reduced.mass:.0f} kg"
-        + (", corrected by the full model" if correct else ""),
+        f"track {track.name!r} is reduced to {reduced.stiffness / 1e6:.1f} MN/m, "
+        f"{reduced.damping / 1e3:.1f} kN s/m and {reduced.mass:.0f} kg under each wheel"
+        + (", corrected by the full model" if corrected else ""),
     )

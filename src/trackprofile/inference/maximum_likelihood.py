@@ -12,21 +12,23 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 Progress = Callable[[str, float], None]
-"""Called with the stage's name and the share of it that is done."""
+"""Called with the name of the stage and its completed share, 0 to 1."""
 
 Innovations = Callable[[Array], tuple[Array, Array]]
 """Innovations e and their variances S, each (rows,), for given parameters."""
 
 STEP = 1e-6
-"""Of each parameter, for a derivative: round-off and curvature both stay below 1e-5 of it."""
+"""Step of each parameter for a derivative: errors by round-off and curvature both stay below 1e-5 of it."""
 
-LARGEST_MOVE = 0.7
-MOST_ITERATIONS = 40
+MAX_STEP = 0.7
+"""Maximum change of a parameter in one iteration."""
+
+MAX_ITERATIONS = 40
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """Log-likelihood at some parameters, with each row's score (p, rows) and the Fisher information (p, p)."""
+    """Log-likelihood at given parameters, with the score of each row (p, rows) and the Fisher information (p, p)."""
 
     log_likelihood: float
     scores: Array
@@ -35,14 +37,14 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Maximum:
-    """Where the posterior of the parameters is highest.
+    """Maximum of the posterior of the parameters.
 
     Parameters
     ----------
     parameters : (p,)
-    slopes : of the log-likelihood there
+    slopes : of the log-likelihood at the maximum
     precision : (p,), of the prior
-    converged : whether the last step promised less than was asked for
+    converged : whether the last step promised less gain than the tolerance
     """
 
     parameters: Array
@@ -53,21 +55,20 @@ class Maximum:
     def covariance(self, memory: int = 0) -> Array:
         """Posterior covariance of the parameters, (p, p).
 
-        With a ``memory`` of so many rows it allows for residuals that depend on each other over that distance,
-        which white noise does not: H⁻¹ V H⁻¹ with V the scores' covariance, Bartlett-weighted (Newey and West
-        1987).
+        With a ``memory`` in rows it allows for residuals that are correlated over that distance, unlike white noise:
+        H⁻¹ V H⁻¹ with V the covariance of the scores, Bartlett-weighted (Newey and West 1987).
         """
-        bread = np.asarray(
+        hessian_inverse = np.asarray(
             np.linalg.inv(self.slopes.information + np.diag(self.precision)), np.float64
         )
         if memory == 0:
-            return bread
+            return hessian_inverse
         scores = self.slopes.scores - np.mean(self.slopes.scores, axis=1, keepdims=True)
-        meat = scores @ scores.T
+        score_covariance = scores @ scores.T
         for lag in range(1, min(memory, scores.shape[1] - 1) + 1):
             cross = scores[:, lag:] @ scores[:, :-lag].T
-            meat += (1 - lag / (memory + 1)) * (cross + cross.T)
-        return bread @ (meat + np.diag(self.precision)) @ bread
+            score_covariance += (1 - lag / (memory + 1)) * (cross + cross.T)
+        return hessian_inverse @ (score_covariance + np.diag(self.precision)) @ hessian_inverse
 
 
 def log_likelihood(e: Array, S: Array) -> float:
@@ -76,7 +77,7 @@ def log_likelihood(e: Array, S: Array) -> float:
 
 
 def slopes(
-    innovations: Innovations, parameters: Array, there: tuple[Array, Array] | None = None
+    innovations: Innovations, parameters: Array, at_parameters: tuple[Array, Array] | None = None
 ) -> Slopes:
     """Scores and Fisher information at the parameters.
 
@@ -85,15 +86,15 @@ def slopes(
     Parameters
     ----------
     parameters : (p,)
-    there : innovations and variances at the parameters, where they are known already
+    at_parameters : innovations and variances at the parameters, where they are already known
     """
-    e, S = there or innovations(parameters)
+    e, S = at_parameters or innovations(parameters)
     # Noise and prior come last: in reverse order they meet the transitions kept for ``parameters``.
     steps = STEP * np.eye(len(parameters))[::-1]
     with ThreadPoolExecutor(max_workers=2) as pool:
-        moved = list(pool.map(innovations, parameters + steps))[::-1]
-    de = np.array([(moved_e - e) / STEP for moved_e, _ in moved])
-    dS = np.array([(moved_S - S) / STEP for _, moved_S in moved])
+        shifted = list(pool.map(innovations, parameters + steps))[::-1]
+    de = np.array([(shifted_e - e) / STEP for shifted_e, _ in shifted])
+    dS = np.array([(shifted_S - S) / STEP for _, shifted_S in shifted])
     scores = -de * (e / S) - 0.5 * dS * (1 / S - e**2 / S**2)
     information = (de / S) @ de.T + 0.5 * (dS / S**2) @ dS.T
     return Slopes(log_likelihood(e, S), scores, information)
@@ -105,14 +106,14 @@ def maximise(
     centre: Array,
     precision: Array,
     progress: Callable[[float], None] = lambda share: None,
-    enough: float = 1e-3,
+    tolerance: float = 1e-3,
 ) -> Maximum:
-    """Climb log-likelihood + log-prior from ``start``, damped as by Levenberg and Marquardt.
+    """Maximise log-likelihood + log-prior from ``start`` by Fisher scoring with Levenberg-Marquardt damping.
 
     Parameters
     ----------
-    start, centre, precision : (p,), where to begin, and the prior's mean and inverse variance
-    enough : units of log-likelihood: a step that promises less is the last
+    start, centre, precision : (p,), start, and mean and inverse variance of the prior
+    tolerance : units of log-likelihood; a step that promises less gain is the last
     """
     parameters, damping, converged = start.copy(), 1e-2, False
 
@@ -120,17 +121,17 @@ def maximise(
         return likelihood - 0.5 * float(np.sum(precision * (at - centre) ** 2))
 
     local = slopes(innovations, parameters)
-    for iteration in range(MOST_ITERATIONS):
-        progress(iteration / MOST_ITERATIONS)
+    for iteration in range(MAX_ITERATIONS):
+        progress(iteration / MAX_ITERATIONS)
         gradient = np.sum(local.scores, axis=1) - precision * (parameters - centre)
         curvature = local.information + np.diag(precision)
-        here = height(parameters, local.log_likelihood)
+        current = height(parameters, local.log_likelihood)
         while True:
             damped = curvature + damping * np.diag(np.diag(curvature))
-            step = np.clip(np.linalg.solve(damped, gradient), -LARGEST_MOVE, LARGEST_MOVE)
-            converged = float(gradient @ step) < enough
+            step = np.clip(np.linalg.solve(damped, gradient), -MAX_STEP, MAX_STEP)
+            converged = float(gradient @ step) < tolerance
             trial = innovations(parameters + step)
-            gained = height(parameters + step, log_likelihood(*trial)) - here
+            gained = height(parameters + step, log_likelihood(*trial)) - current
             if gained > 0 or converged or damping > 1e8:
                 break
             damping *= 5

@@ -1,4 +1,4 @@
-"""What was measured, brought to what the smoother needs: motion of the leading wheel, sensors, signals."""
+"""A recording converted to the smoother's inputs: motion, sensors, valid signals and their quantisation."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 KNOT_SPACING = 0.25
-"""m between the spline's knots: EN 13848-2 asks for a sampling distance of at most this."""
+"""Distance between the spline's knots, m: EN 13848-2 requires a sampling distance of at most this."""
 
-DEFAULT_SPECTRUM = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, knee of ")
+DEFAULT_SPECTRUM = Spectrum("level from the data", 1.5e-6, 0.0206, 0.4, "shape of FRA, corner of ")
 """Where the search for the prior starts: between FRA 6 and a good main line."""
 
-LOCAL = 50.0
-"""m to each side over which the strength of a signal is taken."""
+LOCAL_EXTENT = 50.0
+"""Distance to each side over which the local RMS of a signal is taken, m."""
 
 TINY = 1e-30
-"""Of a signal that is constant, which then has no local strength either."""
+"""In place of the RMS of a constant signal."""
 
 
 @dataclass(frozen=True)
@@ -53,17 +53,17 @@ class Observations:
     ----------
     motion : of the point whose distance was recorded, n samples
     sensors : one per channel
-    signals, valid : (n, sensors)
-    step : (n, sensors), in which each sample was recorded, 0 if as good as continuous
+    signals, valid : (n, sensors), SI units
+    step : (n, sensors), quantisation step of each sample, 0 where it is practically continuous
     saturated : (n, sensors), samples at the end of a sensor's range, which are not valid
     faulty : (n, sensors), samples with any other fault
-    faults : what was found wrong, by samples of the whole recording
-    notes : on what was mended
+    faults : faults of the recording, by samples of the whole recording
+    notes : on repairs
     gain_doubt : per sensor, relative standard deviation of a gain that the mounting made uncertain
-    loud : (sensors,), root mean square of each signal about its mean over the whole recording; None: of these samples
-    limits : (sensors,), Hz, above which nothing is left of a signal; None: all is there
-    low_pass : per sensor, Hz, of a second-order Butterworth that the signal went through after it was recorded
-    by_gravity : per sensor, whether gravity told which way is up
+    rms : (sensors,), root mean square of each signal about its mean over the whole recording; None: of these samples
+    usable_bandwidth : (sensors,), Hz, above which a signal was removed; None: nothing was removed
+    low_pass : per sensor, Hz, of a second-order Butterworth that was applied after recording
+    by_gravity : per sensor, whether gravity determined which way is up
     turned : whether the vehicle's last wheel leads; the sensors are then those of
         :func:`trackprofile.models.vehicle.reversed_vehicle`
     """
@@ -78,19 +78,19 @@ class Observations:
     faults: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
     gain_doubt: tuple[float, ...] = ()
-    loud: Array | None = None
-    limits: Array | None = None
+    rms: Array | None = None
+    usable_bandwidth: Array | None = None
     low_pass: tuple[float | None, ...] = ()
     by_gravity: tuple[bool, ...] = ()
     turned: bool = False
 
     @property
-    def taken(self) -> Array:
+    def used(self) -> Array:
         """The signals, (n, sensors); NaN where they are not valid."""
         return np.where(self.valid, self.signals, np.nan)
 
     def part(self, rows: slice | Mask) -> Observations:
-        """The same of some samples only."""
+        """The observations of some samples only."""
         m = self.motion
         motion = Motion(m.time[rows], m.distance[rows], m.speed[rows], m.acceleration[rows])
         return replace(
@@ -100,23 +100,23 @@ class Observations:
 
 
 def observations(recording: xr.Dataset, installation: Installation) -> Observations:
-    """Take a recording apart; calibrated sensors replace what the recording says of them.
+    """Observations of a recording; calibrated sensors replace those that the recording describes.
 
-    Samples with a fault that leaves nothing of them are not valid; gravity is taken off.
+    Samples with a fault that makes them useless are not valid; gravity is removed.
 
     Raises
     ------
     DataError
-        Where nothing of any channel is left.
+        Where no channel has a usable sample.
     """
     faults, count = find_faults(recording), recording.sizes["sample"]
-    parts, lost = _alive(channels(recording), faults, count)
+    parts, unused = _usable_channels(channels(recording), faults, count)
     valid = np.stack([np.asarray(channel.valid, bool) for channel in parts], axis=1)
 
-    def marked(kinds: frozenset[FaultKind]) -> Mask:
+    def has_fault(kinds: frozenset[FaultKind]) -> Mask:
         return np.stack([samples_of(faults, one.name, count, kinds) for one in parts], axis=1)
 
-    valid &= ~marked(LEFT_OUT)
+    valid &= ~has_fault(LEFT_OUT)
     upright = [correct_mounting(one, good) for one, good in zip(parts, valid.T, strict=True)]
     signals = np.stack([one.values for one in upright], axis=1)
     steps = np.zeros(signals.shape, np.float32)
@@ -128,12 +128,12 @@ def observations(recording: xr.Dataset, installation: Installation) -> Observati
         np.where(valid, signals, 0.0),
         valid,
         steps,
-        marked(frozenset({FaultKind.SATURATED})),
-        marked(frozenset(FaultKind) - {FaultKind.SATURATED}),
-        (*faults, *_mounted(parts, upright, count)),
+        has_fault(frozenset({FaultKind.SATURATED})),
+        has_fault(frozenset(FaultKind) - {FaultKind.SATURATED}),
+        (*faults, *_mounting_faults(parts, upright, count)),
         (
             *(step for step in provenance_steps(recording) if step.startswith((MENDED, PLACED))),
-            *lost,
+            *unused,
             *(one.said for one in upright if one.said),
         ),
         gain_doubt=tuple(one.doubt for one in upright),
@@ -141,23 +141,66 @@ def observations(recording: xr.Dataset, installation: Installation) -> Observati
     )
 
 
-def _alive(
+def signal_rms(data: Observations) -> Array:
+    """Root mean square of each signal about its mean, without outliers, (sensors,)."""
+    if data.rms is not None:
+        return data.rms
+    pairs = zip(data.signals.T, outlier_free(data).T, strict=True)
+    return np.array([np.std(values[good]) for values, good in pairs], dtype=np.float64)
+
+
+def outlier_free(data: Observations) -> Mask:
+    """Valid samples, (n, sensors), without those so far off that they would dominate the RMS."""
+    good = data.valid.copy()
+    for values, mask in zip(data.signals.T, good.T, strict=True):
+        mask[mask] = ~outlying(values[mask])
+    return good
+
+
+def local_signal_rms(data: Observations, rms: Array) -> Array:
+    """Root mean square of the signals within ``LOCAL_EXTENT`` of each sample, relative to ``rms``, (n,).
+
+    What a rigid, linear vehicle model leaves out grows with the excitation.
+    """
+    good = outlier_free(data)
+    mean = np.array([np.mean(data.signals[mask, i]) for i, mask in enumerate(good.T)])
+    squares = np.where(good, np.square((data.signals - mean) / np.maximum(rms, TINY)), 0.0)
+    power = np.concatenate([[0.0], np.cumsum(np.sum(squares, axis=1))])
+    count = np.concatenate([[0], np.cumsum(np.sum(good, axis=1))])
+    at = data.motion.distance
+    low = np.searchsorted(at, at - LOCAL_EXTENT)
+    high = np.searchsorted(at, at + LOCAL_EXTENT, side="right")
+    mean_power = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
+    return np.asarray(np.sqrt(mean_power), np.float64)
+
+
+def first_body_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
+    """Index of the first accelerometer on the vehicle's first body, if there is one."""
+    for i, sensor in enumerate(sensors):
+        if (sensor.body, sensor.quantity) == (vehicle.bodies[0].name, VERTICAL_ACCELERATION):
+            return i
+    return None
+
+
+def _usable_channels(
     parts: Sequence[Channel], faults: Sequence[Fault], count: int
 ) -> tuple[list[Channel], list[str]]:
-    """The channels of which anything is left, and sentences on the others."""
-    alive, lost = [], []
+    """The channels with a usable sample, and a sentence for each of the others."""
+    usable, notes = [], []
     for one in parts:
         if np.any(np.asarray(one.valid, bool) & ~samples_of(faults, one.name, count, LEFT_OUT)):
-            alive.append(one)
+            usable.append(one)
         else:
             kinds = sorted({str(fault.kind) for fault in faults if fault.channel == one.name})
-            lost.append(f"nothing is left of {one.name!r} ({', '.join(kinds)}): it is not used")
-    if not alive:
-        raise DataError(f"No channel can be used: {'; '.join(lost)}; record again.")
-    return alive, lost
+            notes.append(
+                f"{one.name!r} is not used: none of its samples is usable ({', '.join(kinds)})"
+            )
+    if not usable:
+        raise DataError(f"No channel can be used: {'; '.join(notes)}; record again.")
+    return usable, notes
 
 
-def _mounted(
+def _mounting_faults(
     parts: Sequence[Channel], upright: Sequence[MountingCorrection], count: int
 ) -> Iterator[Fault]:
     for channel, one in zip(parts, upright, strict=True):
@@ -173,43 +216,3 @@ def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:
         channel.name, channel.quantity, channel.body, channel.position, channel.noise_density,
         bandwidth=channel.bandwidth, flicker=channel.flicker, lateral=channel.lateral,
     )  # fmt: skip
-
-
-def signal_rms(data: Observations) -> Array:
-    """Root mean square of each signal about its mean, (sensors,)."""
-    if data.loud is not None:
-        return data.loud
-    pairs = zip(data.signals.T, outlier_free(data).T, strict=True)
-    return np.array([np.std(values[good]) for values, good in pairs], dtype=np.float64)
-
-
-def outlier_free(data: Observations) -> Mask:
-    """Valid samples, (n, sensors), without those so far off that they would make all others look weak."""
-    good = data.valid.copy()
-    for values, here in zip(data.signals.T, good.T, strict=True):
-        here[here] = ~outlying(values[here])
-    return good
-
-
-def local_signal_rms(data: Observations, loud: Array) -> Array:
-    """Root mean square of the signals within ``LOCAL`` m of each sample, in units of the whole recording's.
-
-    What a rigid, linear car leaves out grows with what excites it.
-    """
-    good = outlier_free(data)
-    mean = np.array([np.mean(data.signals[here, i]) for i, here in enumerate(good.T)])
-    squares = np.where(good, np.square((data.signals - mean) / np.maximum(loud, TINY)), 0.0)
-    power = np.concatenate([[0.0], np.cumsum(np.sum(squares, axis=1))])
-    count = np.concatenate([[0], np.cumsum(np.sum(good, axis=1))])
-    at = data.motion.distance
-    low, high = np.searchsorted(at, at - LOCAL), np.searchsorted(at, at + LOCAL, side="right")
-    mean_power = (power[high] - power[low]) / np.maximum(count[high] - count[low], 1)
-    return np.asarray(np.sqrt(mean_power), np.float64)
-
-
-def first_body_channel(vehicle: Vehicle, sensors: Sequence[Sensor]) -> int | None:
-    """Index of the first accelerometer on the vehicle's first body, if there is one."""
-    for i, sensor in enumerate(sensors):
-        if (sensor.body, sensor.quantity) == (vehicle.bodies[0].name, VERTICAL_ACCELERATION):
-            return i
-    return None

@@ -1,4 +1,4 @@
-"""Which end of a vehicle leads: as the recording says, or as the order in which its sensors feel the track."""
+"""Leading end of the vehicle: as the recording states, or from the order in which the sensors pass over the track."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trackprofile.models.vehicle import Vehicle, reversed_vehicle
 def orient(
     data: Observations, recording: xr.Dataset, vehicle: Vehicle, track: PointTrack, installation: Installation
 ) -> tuple[RailDecomposition, Vehicle]:  # fmt: skip
-    """What was measured, taken apart, with what was exchanged put right, and the vehicle with the end first that leads.
+    """Observations decomposed by rails, with exchanged channels corrected, and the vehicle with its leading end first.
 
     Raises
     ------
@@ -28,29 +28,29 @@ def orient(
         `trackprofile.inference.rail_decomposition.decompose_rails`.
     """
 
-    def ahead(turned: bool) -> Vehicle:
+    def oriented(turned: bool) -> Vehicle:
         return reversed_vehicle(vehicle) if turned else vehicle
 
     if leading_end(recording) == LAST:
         data = turned_sensors(data)
-    sides = decompose_rails(data, ahead(data.turned), track, installation)
-    mean = assign_channels(sides.mean, ahead(data.turned), track)
+    rails = decompose_rails(data, oriented(data.turned), track, installation)
+    mean = assign_channels(rails.mean, oriented(data.turned), track)
     if mean.turned != data.turned:
-        # What stood to the left stands to the right.
-        sides = decompose_rails(turned_sensors(data), ahead(mean.turned), track, installation)
-    return replace(sides, mean=mean), ahead(mean.turned)
+        # The left side has become the right side.
+        rails = decompose_rails(turned_sensors(data), oriented(mean.turned), track, installation)
+    return replace(rails, mean=mean), oriented(mean.turned)
 
 
 def expect_as_described(recording: xr.Dataset, verb: str) -> None:
-    """Refuse a recording whose vehicle ran the other way round.
+    """Refuse a recording whose vehicle ran with its last wheel leading.
 
     Raises
     ------
     DataError
-        The verb knows the vehicle only as it is described.
+        Where the last wheel leads; ``verb`` names the operation that does not support it.
     """
     if leading_end(recording) == LAST:
         raise DataError(
-            f"The last wheel of the vehicle leads (leading_end), which {verb} does not know; expected the first: take "
-            "a recording of the other direction."
+            f"The last wheel of the vehicle leads (leading_end), which {verb} does not support; expected the first "
+            "wheel: use a recording of the other direction."
         )

@@ -1,4 +1,4 @@
-"""The named parameters that a calibration may fit: how each is read off the model, and put into it."""
+"""Named parameters of the model that can be estimated: how to read each from the model and how to set it."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ Array = NDArray[np.float64]
 
 ORIGIN = "origin"
 
-LOADED = 0.15
+LOAD_STD = 0.15
 """Standard deviation of the logarithm of a body's mass from day to day: from empty to crush-loaded is 40 %."""
 
-MEASURED = 0.3
-"""m, standard deviation of where a sensor is said to sit, measured with a tape."""
+POSITION_STD = 0.3
+"""Standard deviation of a stated sensor position, measured with a tape, m."""
 
 
 @dataclass(frozen=True)
 class ModelParameter:
-    """A number of the model. Positive ones are fitted by their logarithm.
+    """A number of the model. Positive parameters are estimated by their logarithm.
 
     Parameters
     ----------
-    spread : the prior's standard deviation (of the logarithm where positive) about the start
-    get, put : read it off a model, and give the model with another value, in ``unit``
+    standard_deviation : of the prior about the start (of the logarithm where positive)
+    get, put : read the value from a model; the model with another value; both in ``unit``
     """
 
     name: str
     unit: str
-    spread: float
+    standard_deviation: float
     get: Callable[[Model], float]
     put: Callable[[Model, float], Model]
     positive: bool = True
@@ -53,7 +53,7 @@ def value_of(model: Model, parameter: ModelParameter) -> float:
 
 
 def values_of(model: Model, parameters: Sequence[ModelParameter]) -> Array:
-    """Those of several, (parameters,)."""
+    """The values of several parameters, (parameters,)."""
     return np.array([value_of(model, one) for one in parameters], dtype=np.float64)
 
 
@@ -64,35 +64,37 @@ def with_values(model: Model, parameters: Sequence[ModelParameter], at: Array) -
         for one, value in zip(parameters, at, strict=True)
     ]
     return reduce(
-        lambda made, pair: pair[0].put(made, pair[1]), zip(parameters, values, strict=True), model
+        lambda changed, pair: pair[0].put(changed, pair[1]),
+        zip(parameters, values, strict=True),
+        model,
     )
 
 
 def select_parameters(
     every: Sequence[ModelParameter], names: Sequence[str]
 ) -> list[ModelParameter]:
-    """Those of the given names.
+    """The parameters with these names.
 
     Raises
     ------
     ModelError
-        Where there is none of a name.
+        Where no parameter has a name.
     """
     known = [one.name for one in every]
     for name in names:
         if name not in known:
             raise ModelError(
-                f"There is no parameter {name!r} to fit; there are {', '.join(known)}."
+                f"There is no parameter {name!r}; known parameters are {', '.join(known)}."
             )
     return [one for one in every if one.name in names]
 
 
 def vehicle_parameters(model: Model) -> list[ModelParameter]:
-    """Masses, inertias and suspension, as the vehicle names them; without those that only roll feels."""
+    """Masses, inertias and suspension by the vehicle's names, without those that act in roll only."""
 
-    def one(name: str, unit: str, spread: float) -> ModelParameter:
+    def one(name: str, unit: str, deviation: float) -> ModelParameter:
         return ModelParameter(
-            name, unit, spread,
+            name, unit, deviation,
             lambda model: parameter_values(model.vehicle)[name],
             lambda model, value: replace(model, vehicle=with_parameters(model.vehicle, {name: value})),
         )  # fmt: skip
@@ -104,26 +106,26 @@ def vehicle_parameters(model: Model) -> list[ModelParameter]:
     ]
 
 
-def place_parameters(model: Model) -> list[ModelParameter]:
-    """The train's place on the line, and the sensors' on the train."""
+def position_parameters(model: Model) -> list[ModelParameter]:
+    """Position of the train on the line, and of the sensors on the train."""
     return [_field(ORIGIN, "m", 5.0, "origin", positive=False)] + [
-        _of_sensor(model, i, "position", "m", MEASURED, "position", positive=False)
+        _sensor_field(model, i, "position", "m", POSITION_STD, "position", positive=False)
         for i in range(len(model.sensors))
     ]
 
 
 def mounting_parameters(model: Model) -> list[ModelParameter]:
-    """Gain and tilt of the sensors, and the wheel that counts the distance."""
+    """Gain and tilt of the sensors, and the scale of the odometer."""
     every = [_field("distance scale", "true per recorded", 0.01, "distance_scale")]
     for i, sensor in enumerate(model.sensors):
-        every.append(_of_sensor(model, i, "gain", "reading per quantity", 0.05, "gain"))
+        every.append(_sensor_field(model, i, "gain", "reading per quantity", 0.05, "gain"))
         if sensor.quantity == VERTICAL_ACCELERATION:
-            every.append(_of_sensor(model, i, "tilt", "rad", 0.05, "tilt", positive=False))
+            every.append(_sensor_field(model, i, "tilt", "rad", 0.05, "tilt", positive=False))
     return every
 
 
 def track_parameters(model: Model) -> list[ModelParameter]:
-    """k_t and c_t under each wheel, where the track has them."""
+    """k_t and c_t under each wheel of an elastic track."""
     if not isinstance(model.track, ElasticTrack):
         return []
     every = [_field("track stiffness", "N/m", 0.3, "track.stiffness")]
@@ -133,27 +135,27 @@ def track_parameters(model: Model) -> list[ModelParameter]:
 
 
 def calibrated_parameters(model: Model) -> list[ModelParameter]:
-    """All that a calibration may fit, beside the noise."""
+    """All parameters that a calibration may estimate, besides the noise."""
     return (
         vehicle_parameters(model)
-        + place_parameters(model)
+        + position_parameters(model)
         + mounting_parameters(model)
         + track_parameters(model)
     )
 
 
 def prior_parameters(model: Model) -> list[ModelParameter]:
-    """How rough the track is."""
+    """Level of the prior's spectrum."""
     return [_field("prior level", "m² rad/m", 3.0, "spectrum.amplitude")]
 
 
 def corner_parameter(model: Model) -> ModelParameter:
-    """Where the spectrum's short waves begin to fall faster."""
-    return _field("prior knee", "rad/m", 0.7, "spectrum.corner_high")
+    """Corner frequency of the prior's spectrum towards short waves."""
+    return _field("prior corner", "rad/m", 0.7, "spectrum.corner_high")
 
 
 def load_parameter(model: Model) -> ModelParameter:
-    """What the first body weighs on the day, of what it weighs in the model; its inertia goes with it."""
+    """Mass of the first body relative to its mass in the model; its inertia scales with it."""
     empty = model.vehicle.bodies[0]
 
     def put(model: Model, share: float) -> Model:
@@ -166,15 +168,15 @@ def load_parameter(model: Model) -> ModelParameter:
         return replace(model, vehicle=replace(model.vehicle, bodies=bodies))
 
     return ModelParameter(
-        "load", f"of the {empty.name}'s mass", LOADED,
+        "load", f"times the mass of {empty.name!r}", LOAD_STD,
         lambda model: model.vehicle.bodies[0].mass / empty.mass, put,
     )  # fmt: skip
 
 
 def white_noise_parameters(model: Model) -> list[ModelParameter]:
-    """The white noise of each sensor."""
+    """White noise density of each sensor."""
     return [
-        _of_sensor(model, i, "noise", _unit(one) + "/√Hz", 2.0, "noise_density")
+        _sensor_field(model, i, "noise", _unit(one) + "/√Hz", 2.0, "noise_density")
         for i, one in enumerate(model.sensors)
     ]
 
@@ -187,19 +189,19 @@ def noise_parameters(model: Model) -> list[ModelParameter]:
     ):
         every.append(white)
         if one.drift:
-            every.append(_of_sensor(model, i, "drift", _unit(one) + "/√s", 2.0, "drift"))
+            every.append(_sensor_field(model, i, "drift", _unit(one) + "/√s", 2.0, "drift"))
     if model.unmodelled > 0:
-        every.append(_field("unmodelled acceleration", "of the measured", 2.0, "unmodelled"))
+        every.append(_field("unmodelled acceleration", "of the measured RMS", 2.0, "unmodelled"))
     return every
 
 
 def residual_parameters(model: Model) -> list[ModelParameter]:
-    """The coloured residual of each sensor that has one."""
+    """Parameters of the coloured residual of each sensor that has one."""
     return [
-        _of_sensor(model, i, f"residual {word}", unit, spread, f"residual.{word}")
+        _sensor_field(model, i, f"residual {name}", unit, deviation, f"residual.{name}")
         for i, one in enumerate(model.sensors)
         if one.residual
-        for word, unit, spread in (
+        for name, unit, deviation in (
             ("share", "of the signal", 2.0), ("frequency", "Hz", 0.7), ("damping", "1", 0.5),
         )
     ]  # fmt: skip
@@ -210,21 +212,28 @@ def _unit(sensor: Sensor) -> str:
 
 
 def _field(
-    name: str, unit: str, spread: float, path: str, *, positive: bool = True
+    name: str, unit: str, deviation: float, path: str, *, positive: bool = True
 ) -> ModelParameter:
-    """A field of the model, or a field of a field of it."""
+    """The parameter of a field of the model, by its dotted path."""
     return ModelParameter(
-        name, unit, spread,
+        name, unit, deviation,
         lambda model: float(attrgetter(path)(model)),
         lambda model, value: _with(model, path.split("."), value),
         positive,
     )  # fmt: skip
 
 
-def _of_sensor(
-    model: Model, i: int, word: str, unit: str, spread: float, path: str, *, positive: bool = True
+def _sensor_field(
+    model: Model,
+    i: int,
+    name: str,
+    unit: str,
+    deviation: float,
+    path: str,
+    *,
+    positive: bool = True,
 ) -> ModelParameter:
-    """A field of one sensor, or a field of a field of it."""
+    """The parameter of a field of sensor ``i``, by its dotted path."""
 
     def put(model: Model, value: float) -> Model:
         sensors: list[Sensor] = list(model.sensors)
@@ -232,7 +241,7 @@ def _of_sensor(
         return replace(model, sensors=tuple(sensors))
 
     return ModelParameter(
-        f"{word} of {model.sensors[i].name}", unit, spread,
+        f"{name} of {model.sensors[i].name}", unit, deviation,
         lambda model: float(attrgetter(path)(model.sensors[i])),
         put,
         positive,
@@ -240,7 +249,7 @@ def _of_sensor(
 
 
 def _with(whole: Any, path: Sequence[str], value: float) -> Any:
-    """The dataclass with a field, or a field of a field, replaced."""
+    """The dataclass with the field at that path replaced."""
     first, *rest = path
     inner = _with(getattr(whole, first), rest, value) if rest else value
     return replace(whole, **{first: inner})

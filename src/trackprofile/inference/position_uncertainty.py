@@ -1,4 +1,4 @@
-"""How well the places of a profile are known, and by which scale its distance is true."""
+"""Standard deviation of the positions of a profile, and the scale of its distance."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from trackprofile.preprocessing.motion import deviation_of_counting
 
 Array = NDArray[np.float64]
 
-LEAST = 2e-4
-"""Of a scale's logarithm, from which it is asked whose it is."""
+MIN_SCALE = 2e-4
+"""Logarithm of a distance scale from which it is compared with the wheel's scale, dimensionless."""
 
 NORMAL_95 = 1.96
 """Standard deviations to each side that hold 95 %."""
@@ -24,46 +24,46 @@ NORMAL_95 = 1.96
 def correct_wheel_scale(
     installation: Installation, recording: xr.Dataset
 ) -> tuple[Installation, tuple[str, ...]]:
-    """The installation without a distance scale that positions have put right already, and a sentence on that.
+    """The installation without a distance scale that positioning has corrected already, and a sentence on it.
 
-    A calibration on a recording whose wheel was not told finds the wheel's scale; where positions have told it, the
-    distance is true, and the scale that is nearer to the wheel's than to 1 is not applied again.
+    A calibration on a recording with an uncorrected odometer estimates the scale of its wheel. Where positioning has
+    corrected the distance, a calibrated scale that is nearer to the wheel's than to 1 is not applied again.
     """
     stated = float(np.log(installation.distance_scale))
     wheel = float(np.log(recording.attrs.get("wheel_scale", 1.0)))
-    if abs(stated) < LEAST or abs(stated - wheel) >= abs(stated):
+    if abs(stated) < MIN_SCALE or abs(stated - wheel) >= abs(stated):
         return installation, ()
     return replace(installation, distance_scale=1.0), (
-        f"the calibration's distance scale, {installation.distance_scale:.5f}, is the wheel's, by which positions have "
-        f"put the distance right ({recording.attrs['wheel_scale']:.5f}): not applied again",
+        f"the calibrated distance scale {installation.distance_scale:.5f} is that of the wheel, which positioning has "
+        f"corrected already ({recording.attrs['wheel_scale']:.5f}): it is not applied again",
     )
 
 
 def position_standard_deviation(
-    place: Array, run: Array, recording: xr.Dataset
+    position: Array, sample_distance: Array, recording: xr.Dataset
 ) -> tuple[Array | None, tuple[str, ...]]:
-    """Standard deviation of where points are, (n,) m, and a sentence on it; None where nobody can say.
+    """Standard deviation of positions, (n,) m, and a sentence on it; None where it is unknown.
 
-    What the recording says of its places; or what is left open by a speed in steps from which they are counted.
+    It is the recording's own ``distance_deviation``, or the uncertainty of integrating a quantised speed.
 
     Parameters
     ----------
-    place : (n,), m
-    run : (samples,), where the leading wheel stood, m
+    position : (n,), m
+    sample_distance : (samples,), position of the leading wheel, m
     """
     stated, counted = recording.get(DEVIATION), ""
-    known = _of_counting(recording) if stated is None else stated.to_numpy()
+    known = _integration_deviation(recording) if stated is None else stated.to_numpy()
     if known is None:
         return None, ()
     if stated is None:
-        counted = " from where the recording starts, counted by its speed in steps"
-    found = np.interp(place, run, known)
-    usual, worst = NORMAL_95 * float(np.median(found)), NORMAL_95 * float(np.max(found))
-    at_worst = f", at worst ±{worst:.2g} m" if worst > 1.5 * usual else ""
-    return found, (f"places are known to ±{usual:.2g} m (95 %){at_worst}{counted}",)
+        counted = " relative to the start of the recording, integrated from a quantised speed"
+    deviation = np.interp(position, sample_distance, known)
+    median, largest = NORMAL_95 * float(np.median(deviation)), NORMAL_95 * float(np.max(deviation))
+    at_most = f", at most ±{largest:.2g} m" if largest > 1.5 * median else ""
+    return deviation, (f"positions are known to ±{median:.2g} m (95 %){at_most}{counted}",)
 
 
-def _of_counting(recording: xr.Dataset) -> Array | None:
+def _integration_deviation(recording: xr.Dataset) -> Array | None:
     if "distance" in recording:
         return None
     speed, time = (recording[name].to_numpy().astype(np.float64) for name in ("speed", "time"))

@@ -210,8 +210,8 @@ def row_variance(data: Observations, model: Model, run: DiscretisedRun) -> Array
             raise DataError(f"Channel {sensor.name!r}: its noise density is not known.")
         interval = sampling_intervals(data.motion.time, data.valid[:, i])
         passed = np.maximum(0.5 / interval, sensor.bandwidth or 0.0)
-        if data.limits is not None:
-            passed = np.minimum(passed, data.limits[i])
+        if data.usable_bandwidth is not None:
+            passed = np.minimum(passed, data.usable_bandwidth[i])
         variance[:, i] = (
             sensor.noise_density**2 * passed + np.square(data.step[:, i], dtype=np.float64) / 12.0
         )

@@ -45,7 +45,7 @@ class Inferred(Protocol):
     @property
     def profile(self) -> xr.Dataset: ...
     @property
-    def taken(self) -> Mapping[str, NDArray[np.float64]]: ...
+    def used_signals(self) -> Mapping[str, NDArray[np.float64]]: ...
     @property
     def reproduced(self) -> Mapping[str, NDArray[np.float64]]: ...
     @property
@@ -101,7 +101,7 @@ def write_estimate(
             RECORDING_FINGERPRINT: legacy_fingerprint(recording),
         }
     )
-    shown = _as_taken(recording, estimate.taken)
+    shown = _as_taken(recording, estimate.used_signals)
     drawn = (made, shown, estimate.sample_distance, estimate.reproduced)
     figures = _drawn(profile_chart(*drawn), *files[1:])
     with whole_files(files[0], *figures) as (profile_part, *figure_parts):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.inference.accuracy_bound import accuracy_bound
 from trackprofile.inference.infer import Estimate, estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.methods.cross_entropy.estimator import (
     CrossEntropyResult,
     cross_entropy,
@@ -79,9 +80,8 @@ def run_smoother(
 ) -> SmootherStudy:
     """The smoother on what the fine simulation gives (of `finely_led`) and the instruments make of it."""
     recording = case_recording(with_lead(case), signals, instruments, seed)
-    found = estimate(
-        recording, case.vehicle, installation=case.installation, track=case.track, draws=16
-    )
+    settings = InferenceSettings(case.installation, case.track, samples=16)
+    found = estimate(recording, case.vehicle, settings)
     place = found.profile["distance"].to_numpy()
     error = found.profile["elevation"].to_numpy() - case.irregularity.at(place)[0]
     inside = (place >= case.start) & (place <= case.position[-1])

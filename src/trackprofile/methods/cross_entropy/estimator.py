@@ -88,7 +88,7 @@ class CrossEntropyResult:
     Parameters
     ----------
     profile : the profile contract, a point estimate at each scan's place
-    taken : by channel, (samples,), its signal as it was taken: upright, without gravity; NaN where left out
+    used_signals : by channel, (samples,), upright and without gravity; NaN where left out
     reproduced : by channel, (samples,), what the model makes of the profile; NaN where no scan was used
     sample_distance : (samples,), m, where the leading wheel stood
     phases : the history
@@ -97,7 +97,7 @@ class CrossEntropyResult:
     """
 
     profile: xr.Dataset
-    taken: dict[str, Array]
+    used_signals: dict[str, Array]
     reproduced: dict[str, Array]
     sample_distance: Array
     phases: tuple[Phase, ...]
@@ -171,7 +171,7 @@ def cross_entropy(
         _profile(model, march, search, vehicle, track, seed, notes),
         {
             one.name: signal
-            for one, signal in zip(data.sensors, data.taken.T, strict=True)
+            for one, signal in zip(data.sensors, data.used.T, strict=True)
             if one.name in recording
         },
         _reproduced(recording, model, scans, march),
