@@ -20,7 +20,7 @@ from trackprofile.io.model_toml import (
     read_vehicle,
     write_vehicle,
 )
-from trackprofile.io.toml_document import document
+from trackprofile.io.toml_document import toml_text
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.spectrum import PowerLaw, SpectrumSegment
 from trackprofile.models.track import ElasticTrack, LayeredTrack, RigidTrack, SupportChange
@@ -334,7 +334,7 @@ value = st.recursive(
 
 @given(st.dictionaries(key, value, max_size=4))
 def test_any_document_is_read_back_as_it_was(table: dict[str, object]) -> None:
-    assert tomllib.loads(document(table)) == table
+    assert tomllib.loads(toml_text(table)) == table
 
 
 # --- bad input ----------------------------------------------------------------------------------
