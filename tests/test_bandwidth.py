@@ -13,7 +13,7 @@ from trackprofile.calibration.calibrate import calibrate
 from trackprofile.calibration.datasets import calibration_runs, most_informative, shortened
 from trackprofile.calibration.identifiability import identified, marginal
 from trackprofile.calibration.likelihood_profiles import likelihood_profiles
-from trackprofile.contracts import Channel, between, build_recording, channels
+from trackprofile.contracts import Channel, build_recording, channels, select_stretch
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, UndeterminedError
 from trackprofile.inference.observations import observations
@@ -87,7 +87,7 @@ def test_what_lies_in_the_band_is_kept_and_what_lies_above_is_cut() -> None:
 
 def test_a_run_too_short_or_too_slow_is_refused(recording: xr.Dataset) -> None:
     with pytest.raises(DataError, match="too short or too slow to tell the vehicle"):
-        calibrate(between(recording, 100.0, 200.0), VELARO, track=ZHAI)
+        calibrate(select_stretch(recording, 100.0, 200.0), VELARO, track=ZHAI)
     slow = recording.copy()
     slow["time"] = slow["time"] * 30.0
     slow["speed"] = slow["speed"] / 30.0
@@ -98,7 +98,7 @@ def test_a_run_too_short_or_too_slow_is_refused(recording: xr.Dataset) -> None:
 def test_parameter_that_the_data_tell_less_than_the_prior_is_not_written_unless_told(
     recording: xr.Dataset,
 ) -> None:
-    piece = between(recording, 0.0, 250.0)
+    piece = select_stretch(recording, 0.0, 250.0)
     with pytest.raises(UndeterminedError, match="do not tell 'wheelset mass'"):
         calibrate(piece, VELARO, track=read_track("rigid"), parameters=["wheelset mass"])
     kept = calibrate(piece, VELARO, track=ZHAI, parameters=["wheelset mass"], anyway=True)
@@ -115,7 +115,7 @@ def test_start_far_from_the_vehicle_is_said(recording: xr.Dataset) -> None:
         replace(VELARO, parameters=tight), {"primary stiffness": 1.6 * TRUE["primary stiffness"]}
     )
     found = calibrate(
-        between(recording, 0.0, 300.0), start, track=ZHAI, parameters=["primary stiffness"]
+        select_stretch(recording, 0.0, 300.0), start, track=ZHAI, parameters=["primary stiffness"]
     )
     assert any("primary stiffness went to" in note for note in found.notes)
     assert any("far outside its prior" in note for note in found.notes)

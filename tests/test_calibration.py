@@ -10,7 +10,7 @@ import xarray as xr
 
 from trackprofile.assessment.compare import compare
 from trackprofile.calibration.calibrate import calibrate
-from trackprofile.contracts import between, build_profile
+from trackprofile.contracts import build_profile, select_stretch
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError, UndeterminedError
 from trackprofile.inference.infer import infer
@@ -56,7 +56,7 @@ def test_only_ratios_of_masses_and_stiffnesses_are_told_on_a_rigid_path(
 @pytest.mark.acceptance
 def test_several_recordings_are_fitted_at_once(made: tuple[xr.Dataset, xr.Dataset]) -> None:
     recording, truth = made
-    halves = [between(recording, 0.0, 220.0), between(recording, 180.0, 400.0)]
+    halves = [select_stretch(recording, 0.0, 220.0), select_stretch(recording, 180.0, 400.0)]
     start = with_parameters(VELARO, {"primary stiffness": 2.0e6})
     found = calibrate(halves, start, truth, parameters=["primary stiffness"])
     assert found.estimates[0].value == pytest.approx(TRUE["primary stiffness"], rel=0.02)
@@ -88,7 +88,7 @@ def test_what_cannot_be_fitted_is_refused(made: tuple[xr.Dataset, xr.Dataset]) -
     with pytest.raises(ModelError, match="no parameter 'colour'; known parameters are body mass"):
         calibrate(recording, VELARO, truth, parameters=["colour"])
     with pytest.raises(DataError, match="choose another stretch or reference"):
-        calibrate(recording, VELARO, between(truth, 0.0, 60.0))
+        calibrate(recording, VELARO, select_stretch(truth, 0.0, 60.0))
     gap = truth["elevation"].to_numpy().copy()
     gap[500:510] = np.nan
     quality = np.isnan(gap).astype(np.int8)

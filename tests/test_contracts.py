@@ -10,14 +10,14 @@ import xarray as xr
 from trackprofile.contracts import (
     Channel,
     Quality,
-    between,
+    append_provenance,
     build_profile,
     build_recording,
     channels,
+    select_stretch,
+    validate,
     validate_profile,
     validate_recording,
-    validated,
-    with_provenance,
     with_rate,
 )
 from trackprofile.errors import DataError, RowError
@@ -230,7 +230,7 @@ def test_a_rate_that_contradicts_itself_is_refused(changed: dict[str, Any], said
         if values is not None:
             line[name] = ("distance", values, {"units": "m/day"})
     with pytest.raises(DataError, match=said):
-        validated(line)
+        validate(line)
 
 
 def test_one_contract_is_not_taken_for_the_other() -> None:
@@ -257,13 +257,13 @@ def test_a_variable_in_another_unit_is_refused(wrong: dict[str, str]) -> None:
 
 def test_provenance_grows_and_the_original_stays() -> None:
     profile = build_profile(RAMP, RAMP, kind="truth", provenance=["levelled"])
-    after = with_provenance(profile, "cut at 50 Ω")
+    after = append_provenance(profile, "cut at 50 Ω")
     assert json.loads(after.attrs["provenance"]) == ["levelled", "cut at 50 Ω"]
     assert json.loads(profile.attrs["provenance"]) == ["levelled"]
 
 
 def test_a_stretch_keeps_its_place_and_says_so() -> None:
-    profile = between(build_profile(RAMP, RAMP**2, kind="truth"), 1.0, 3.0)
+    profile = select_stretch(build_profile(RAMP, RAMP**2, kind="truth"), 1.0, 3.0)
     np.testing.assert_array_equal(profile["elevation"], [1.0, 4.0, 9.0])
     assert json.loads(profile.attrs["provenance"]) == ["between 1 m and 3 m"]
 
@@ -271,13 +271,13 @@ def test_a_stretch_keeps_its_place_and_says_so() -> None:
 def test_a_stretch_of_a_recording_in_time_is_found_by_how_far_the_train_ran() -> None:
     speeding_up = 2.0 * RAMP  # distance t² m
     recording = build_recording([floor()], time=RAMP, speed=speeding_up)
-    piece = between(recording, 3.5, None)
+    piece = select_stretch(recording, 3.5, None)
     np.testing.assert_array_equal(piece["distance"], [4.0, 9.0, 16.0])
     np.testing.assert_array_equal(piece["time"], [2.0, 3.0, 4.0])
-    assert between(recording, None, None) is recording
+    assert select_stretch(recording, None, None) is recording
 
 
 def test_a_stretch_outside_the_data_is_refused_with_what_there_is() -> None:
     profile = build_profile(RAMP, RAMP, kind="truth")
     with pytest.raises(DataError, match="runs from 0 m to 4 m; choose a stretch inside"):
-        between(profile, 10.0, None)
+        select_stretch(profile, 10.0, None)

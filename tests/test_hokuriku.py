@@ -17,7 +17,7 @@ from trackprofile.assessment.assess import assess
 from trackprofile.assessment.compare import Comparison, compare
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.calibration.calibrate import Calibration, calibrate
-from trackprofile.contracts import between, build_profile
+from trackprofile.contracts import build_profile, select_stretch
 from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
@@ -49,16 +49,18 @@ def level(folder: Path):
 
 @pytest.fixture(scope="module")
 def calibration(folder: Path, level) -> Calibration:
-    recording = between(read(folder / "recording.toml"), 75.0, 1075.0)
+    recording = select_stretch(read(folder / "recording.toml"), 75.0, 1075.0)
     return calibrate(
-        recording, read_vehicle(str(EXAMPLE / "vehicle.toml"))[0], between(level, 75.0, 1075.0)
+        recording,
+        read_vehicle(str(EXAMPLE / "vehicle.toml"))[0],
+        select_stretch(level, 75.0, 1075.0),
     )
 
 
 @pytest.fixture(scope="module")
 def profile(folder: Path, calibration: Calibration) -> xr.Dataset:
     """Inferred beyond what was calibrated on."""
-    beyond = between(read(folder / "recording.toml"), 1080.0, None)
+    beyond = select_stretch(read(folder / "recording.toml"), 1080.0, None)
     return infer(beyond, calibration.vehicle, installation=calibration.installation)
 
 

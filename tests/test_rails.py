@@ -16,16 +16,16 @@ from hypothesis import strategies as st
 from trackprofile.assessment.compare import compare
 from trackprofile.cli import main
 from trackprofile.contracts import (
-    APART,
+    SEPARATE_RAILS,
     Channel,
     Quality,
     Rail,
     RailLevel,
+    available_rails,
     build_profile,
     build_recording,
     channels,
-    of_rail,
-    rails_of,
+    select_rail,
     with_rails,
 )
 from trackprofile.errors import DataError, RowError
@@ -90,7 +90,7 @@ def test_each_rail_is_found_to_the_limit_and_its_interval_holds_it(boxes) -> Non
     _, truth, found = boxes
     least = accuracy_bound_per_rail(WAGON, RigidTrack(), BOXES, SPEED, MEAN)
     for rail in Rail:
-        one = compare(of_rail(found.profile, rail), of_rail(truth, rail), largest_lag=0.0)
+        one = compare(select_rail(found.profile, rail), select_rail(truth, rail), largest_lag=0.0)
         d1 = one.bands["D1"]
         assert d1 is not None
         assert d1.coverage_95 is not None
@@ -119,7 +119,7 @@ def test_the_mean_is_that_of_the_mean_alone(boxes) -> None:
     plain = infer(recording_of([alone], distance), WAGON)
     difference = found.profile["elevation"] - plain["elevation"]
     assert np.abs(difference).max() < 1e-2 * float(plain["standard_deviation"].min())
-    assert rails_of(plain) == (Rail.MEAN,)
+    assert available_rails(plain) == (Rail.MEAN,)
 
 
 def test_swapping_left_and_right_swaps_the_rails(boxes) -> None:
@@ -129,7 +129,7 @@ def test_swapping_left_and_right_swaps_the_rails(boxes) -> None:
     swapped = infer(recording_of(turned, distance), WAGON)
     for rail, other in ((Rail.LEFT, Rail.RIGHT), (Rail.RIGHT, Rail.LEFT)):
         xr.testing.assert_allclose(
-            of_rail(swapped, rail).drop_attrs(), of_rail(found.profile, other).drop_attrs(), atol=1e-9
+            select_rail(swapped, rail).drop_attrs(), select_rail(found.profile, other).drop_attrs(), atol=1e-9
         )  # fmt: skip
     np.testing.assert_allclose(
         swapped["elevation_difference"], -found.profile["elevation_difference"], atol=1e-9
@@ -153,7 +153,7 @@ def test_one_sensor_tells_what_it_told_before_sides_were_known(boxes, lateral: f
         estimate(recording_of([replace(left, lateral=y)], recording["distance"].values), WAGON)
         for y in (lateral, 0.0)
     )
-    assert rails_of(found.profile) == (Rail.MEAN,)
+    assert available_rails(found.profile) == (Rail.MEAN,)
     xr.testing.assert_identical(found.profile.drop_attrs(), plain.profile.drop_attrs())
     assert any("has no partner" in note for note in found.notes) == (lateral != 0.0)
 
@@ -164,7 +164,9 @@ def test_a_gyroscope_tells_the_difference_without_a_pair() -> None:
     found = infer(recording, WAGON)
     least = accuracy_bound_per_rail(WAGON, RigidTrack(), sensors, SPEED, MEAN)
     for rail in Rail:
-        d1 = compare(of_rail(found, rail), of_rail(truth, rail), largest_lag=0.0).bands["D1"]
+        d1 = compare(select_rail(found, rail), select_rail(truth, rail), largest_lag=0.0).bands[
+            "D1"
+        ]
         assert d1 is not None
         assert d1.rms_error_mm < 1.35e3 * least[rail]["D1"], rail
 
@@ -174,7 +176,7 @@ def test_a_car_of_unknown_roll_tells_rails_apart_by_its_axle_boxes_alone(body: s
     plain = replace(WAGON, bodies=tuple(replace(one, roll_inertia=None) for one in WAGON.bodies))
     recording, _ = made([side("a", 0.9, body), side("b", -0.9, body)])
     found = estimate(recording, plain, InferenceSettings(samples=4))
-    assert (len(rails_of(found.profile)) > 1) == (body == "wheel 1")
+    assert (len(available_rails(found.profile)) > 1) == (body == "wheel 1")
     assert any("does not state roll_inertia of 'body'" in note for note in found.notes)
 
 
@@ -188,9 +190,9 @@ def test_samples_of_one_side_alone_are_left_out_and_said(boxes) -> None:
     place = found.profile["distance"].to_numpy()
     inside, outside = (place > 152) & (place < 160), (place < 110) | (place > 210)
     for rail in (Rail.MEAN, Rail.LEFT):
-        one = of_rail(found.profile, rail)
+        one = select_rail(found.profile, rail)
         assert np.all(one["quality"].to_numpy()[inside] & Quality.GAP)
-        before = of_rail(whole.profile, rail)
+        before = select_rail(whole.profile, rail)
         np.testing.assert_allclose(
             one["standard_deviation_D1"].to_numpy()[outside],
             before["standard_deviation_D1"].to_numpy()[outside],
@@ -203,7 +205,7 @@ def test_a_side_that_is_mostly_lost_leaves_the_other_as_it_would_be_alone(boxes)
     left, right = channels(recording)
     distance = recording["distance"].to_numpy()
     found = estimate(recording_of([left, replace(right, valid=distance < 60.0)], distance), WAGON)
-    assert rails_of(found.profile) == (Rail.MEAN,)
+    assert available_rails(found.profile) == (Rail.MEAN,)
     assert not np.any(found.profile["quality"] & Quality.GAP)
 
 
@@ -236,7 +238,7 @@ def test_a_calibrated_gain_and_its_doubt_are_those_of_either_side(boxes) -> None
         installation=Installation(sensors=(gained,), uncertainty=sure),
     )
     for rail in Rail:
-        one, other = of_rail(again, rail), of_rail(found.profile, rail)
+        one, other = select_rail(again, rail), select_rail(found.profile, rail)
         np.testing.assert_allclose(one["elevation"], other["elevation"], atol=2e-5)
         # A gain that may be 1 % off makes each point as much less sure.
         more = np.sqrt(other["standard_deviation"] ** 2 + (0.01 * other["elevation"]) ** 2)
@@ -309,13 +311,16 @@ def test_a_profile_per_rail_is_read_back_as_it_was_written(
         np.arange(4.0), values[0], kind="posterior" if uncertain else "point",
         standard_deviation=spread, band_standard_deviations=bands, quality=[0, 0, 4, 0],
     )  # fmt: skip
-    sides = {rail: RailLevel(each, spread, bands) for rail, each in zip(APART, values, strict=True)}
+    sides = {
+        rail: RailLevel(each, spread, bands)
+        for rail, each in zip(SEPARATE_RAILS, values, strict=True)
+    }
     written = with_rails(mean, sides, flags)
     path = tmp_path_factory.mktemp("rails") / f"profile{suffix}"
     write(written, path)
     again = read(path)
     for rail in Rail:
-        xr.testing.assert_equal(of_rail(again, rail), of_rail(written, rail))
+        xr.testing.assert_equal(select_rail(again, rail), select_rail(written, rail))
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".toml", ".h5"])
@@ -339,12 +344,12 @@ def test_half_a_profile_per_rail_is_refused() -> None:
     mean = build_profile([0.0, 1.0], [0.0, 0.0], kind="truth")
     with pytest.raises(DataError, match=r"elevation_right, elevation_difference is missing"):
         with_rails(mean, {Rail.LEFT: RailLevel([0.0, 0.0])})
-    sides = {rail: RailLevel([0.0, np.nan]) for rail in APART}
+    sides = {rail: RailLevel([0.0, np.nan]) for rail in SEPARATE_RAILS}
     with pytest.raises(RowError, match="elevation_left, data row 2: expected a finite number"):
         with_rails(mean, sides)
     with_rails(mean, sides, [0, Quality.GAP])
     with pytest.raises(DataError, match="no elevation of the left rail, only the mean"):
-        of_rail(mean, Rail.LEFT)
+        select_rail(mean, Rail.LEFT)
 
 
 def run(*arguments: str | Path) -> None:
@@ -358,7 +363,7 @@ def test_the_commands_tell_rails_apart(boxes, tmp_path: Path, capsys) -> None:
     profile, reference, left = (tmp_path / f"{name}.csv" for name in ("profile", "truth", "left"))
     write(found.profile, profile)
     write(truth, reference)
-    write(of_rail(truth, Rail.LEFT), left)
+    write(select_rail(truth, Rail.LEFT), left)
     run("compare", profile, reference, "--rail", "left", "--json")
     one = capsys.readouterr()
     run("compare", profile, left, "--rail", "left", "--json")
@@ -385,4 +390,4 @@ def test_infer_says_what_it_knows_of_each_rail(boxes, tmp_path: Path, capsys) ->
     said = capsys.readouterr().out
     assert '"standard_deviation_per_rail_mm": {"left": {"D1": ' in said
     assert "left rail" in (tmp_path / "p.html").read_text()
-    assert rails_of(read(tmp_path / "p.nc")) == (Rail.MEAN, *APART)
+    assert available_rails(read(tmp_path / "p.nc")) == (Rail.MEAN, *SEPARATE_RAILS)

@@ -20,7 +20,7 @@ from trackprofile.contracts import (
     RailLevel,
     build_profile,
     build_recording,
-    of_rail,
+    select_rail,
     with_rails,
 )
 from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
@@ -194,7 +194,7 @@ def test_the_interval_of_each_rail_holds_it(place: str, capsys: pytest.CaptureFi
         truth = with_rails(truth, rails)
         for rail in Rail:
             bands = compare(
-                of_rail(found, rail), of_rail(truth, rail), from_m=200.0, to_m=length - 200.0, largest_lag=0.0
+                select_rail(found, rail), select_rail(truth, rail), from_m=200.0, to_m=length - 200.0, largest_lag=0.0
             ).bands  # fmt: skip
             inside += [
                 (rail, band, bands[band].coverage_95, bands[band].rms_error_mm, bands[band].stated_rms_mm)
@@ -244,7 +244,11 @@ def test_real_rails_are_told_apart_under_a_simulated_car(
     )  # fmt: skip
     for rail in Rail:
         bands = compare(
-            of_rail(found, rail), of_rail(truth, rail), from_m=200.0, to_m=1970.0, largest_lag=0.0
+            select_rail(found, rail),
+            select_rail(truth, rail),
+            from_m=200.0,
+            to_m=1970.0,
+            largest_lag=0.0,
         ).bands
         for band in ("D1", "D2"):
             one = bands[band]

@@ -16,11 +16,11 @@ from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.contracts import (
-    between,
     build_profile,
     content_digest,
     legacy_fingerprint,
     recording_identity,
+    select_stretch,
 )
 from trackprofile.contracts.identity import (
     RECORDING,
@@ -225,13 +225,13 @@ def test_an_identity_that_is_not_a_digest_is_refused(run: Path) -> None:
 def test_a_stretch_has_an_identity_of_its_own(run: Path) -> None:
     recording = read(run)
     whole = recording.attrs["identity"]
-    piece = between(recording, 50.0, 150.0)
+    piece = select_stretch(recording, 50.0, 150.0)
     assert piece.attrs["identity"] == stretch_identity(whole, 50.0, 150.0)
     moved = recording.assign(distance=recording["distance"] * (1 + 1e-12))
-    assert between(moved, 50.0, 150.0).attrs["identity"] == piece.attrs["identity"]
-    assert between(recording, 50.0, 160.0).attrs["identity"] != piece.attrs["identity"]
-    assert between(recording, None, None).attrs["identity"] == whole
-    assert between(recording, -np.inf, None).attrs["identity"] == whole
+    assert select_stretch(moved, 50.0, 150.0).attrs["identity"] == piece.attrs["identity"]
+    assert select_stretch(recording, 50.0, 160.0).attrs["identity"] != piece.attrs["identity"]
+    assert select_stretch(recording, None, None).attrs["identity"] == whole
+    assert select_stretch(recording, -np.inf, None).attrs["identity"] == whole
 
 
 def test_a_pass_is_one_entry_of_a_store_whatever_was_estimated(

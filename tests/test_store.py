@@ -27,9 +27,9 @@ from trackprofile.contracts import (
     Quality,
     Rail,
     RailLevel,
+    available_rails,
     build_profile,
     content_digest,
-    rails_of,
     with_rails,
 )
 from trackprofile.errors import DataError, FileError
@@ -117,7 +117,7 @@ def test_both_rails_come_back_beside_their_mean(store: Store, profile: xr.Datase
     for name in apart.data_vars:
         np.testing.assert_allclose(back[name], apart[name], rtol=2.0**-11, atol=2.0**-24)
         assert back[name].dtype == apart[name].dtype
-    assert rails_of(back) == tuple(Rail)
+    assert available_rails(back) == tuple(Rail)
     drawn = stores.envelope(store, entry, "elevation_left", 0.0, 600.0, 40)
     assert drawn.low.min() == back["elevation_left"].min()
     assert drawn.deviation.max() == pytest.approx(1e-4, rel=2.0**-11)

@@ -39,7 +39,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from trackprofile.contracts import Channel, build_profile, build_recording, with_provenance
+from trackprofile.contracts import Channel, append_provenance, build_profile, build_recording
 from trackprofile.errors import FileError, ModelError, TrackprofileError
 from trackprofile.io.model_toml import read_instruments, read_track, read_vehicle
 from trackprofile.io.scenario_tables import (
@@ -179,7 +179,9 @@ def run_scenario(
     place = TRUTH_SPACING * np.arange(*ends)
     elevation = scenario.irregularity.at(place)[0]
     truth = build_profile(place, elevation, kind="truth", vehicle=scenario.vehicle.name)
-    return SimulatedRun(with_provenance(recording, said), with_provenance(truth, said), simulation)
+    return SimulatedRun(
+        append_provenance(recording, said), append_provenance(truth, said), simulation
+    )
 
 
 def step_errors(scenario: Scenario, made: SimulatedRun) -> dict[str, float]:

@@ -15,7 +15,7 @@ from trackprofile.assessment.roughness import Nearest, Psd, common_range, neares
 from trackprofile.assessment.sections import Section, assess_sections
 from trackprofile.bands import BANDS, FILTER_NAMES, Band, resample
 from trackprofile.contracts import Quality
-from trackprofile.contracts.validation import DEVIATION
+from trackprofile.contracts.validation import DISTANCE_DEVIATION
 from trackprofile.errors import DataError
 from trackprofile.models.spectrum import Roughness
 
@@ -148,9 +148,9 @@ def assess(
 
 def _located(defects: Sequence[Defect], profile: xr.Dataset) -> Sequence[Defect]:
     """The defects with how well their places are known, where the profile says that."""
-    if DEVIATION not in profile:
+    if DISTANCE_DEVIATION not in profile:
         return defects
-    at, known = profile["distance"].to_numpy(), profile[DEVIATION].to_numpy()
+    at, known = profile["distance"].to_numpy(), profile[DISTANCE_DEVIATION].to_numpy()
     return [
         replace(one, location_deviation=float(np.interp(one.peak, at, known))) for one in defects
     ]

@@ -121,7 +121,7 @@ def limit(
         return
     whose = [f"{rail}, mm" for rail in bands]
     rows = [
-        (name, f"{error:.4g}", *(f"{of_rail[name]:.4g}" for of_rail in bands.values()))
+        (name, f"{error:.4g}", *(f"{errors[name]:.4g}" for errors in bands.values()))
         for name, error in mean.items()
     ]
     show.table(("band", "least RMS error, mm", *whose), rows)
@@ -218,12 +218,12 @@ def _of_rail(
     profile: xr.Dataset, reference: xr.Dataset, rail: RailName | None
 ) -> tuple[tuple[xr.Dataset, xr.Dataset], tuple[str, ...]]:
     """Both of one rail, and a sentence where the reference does not tell which it is of."""
-    from trackprofile.contracts import Rail, of_rail, rails_of
+    from trackprofile.contracts import Rail, available_rails, select_rail
 
     wanted = Rail(rail or RailName.MEAN)
-    one = of_rail(profile, wanted)
-    if wanted in rails_of(reference):
-        return (one, of_rail(reference, wanted)), ()
+    one = select_rail(profile, wanted)
+    if wanted in available_rails(reference):
+        return (one, select_rail(reference, wanted)), ()
     return (one, reference), (
         f"The reference does not tell rails apart: its elevation is taken for that of the {wanted}",
     )

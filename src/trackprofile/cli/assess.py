@@ -70,7 +70,7 @@ def assess(
 ) -> None:
     """Judge a profile by limits: defects with their probability, standard deviations, classes."""
     from trackprofile.assessment.tables import geojson_per_rail, tables, tables_per_rail
-    from trackprofile.contracts import between
+    from trackprofile.contracts import select_stretch
     from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
     from trackprofile.reporting.summary import headline
 
@@ -84,7 +84,7 @@ def assess(
                 f"{path}: a map needs latitude and longitude; give a --way that has them."
             )
     each, apart = _each_rail(
-        between(read_as(profile, "profile"), from_m, to_m), limits, speed, passes, rail
+        select_stretch(read_as(profile, "profile"), from_m, to_m), limits, speed, passes, rail
     )
     found = next(iter(each.values()))
     made = tables_per_rail(each, along) if apart else tables(found, along)
@@ -218,9 +218,9 @@ def _each_rail(
     profile: xr.Dataset, limits: str, speed: str, passes: int, rail: JudgedRail | None
 ) -> tuple[dict[Rail, Assessment], bool]:
     """The assessment of the rail that is asked for, else of all that there are; and whether they are told apart."""
-    from trackprofile.contracts import Rail, rails_of
+    from trackprofile.contracts import Rail, available_rails
 
-    apart = len(rails_of(profile)) > 1
+    apart = len(available_rails(profile)) > 1
     rails = list(JudgedRail) if apart and rail is None else [rail or JudgedRail.MEAN]
     return {Rail(one): judged(profile, limits, speed, passes, one) for one in rails}, apart
 
@@ -242,12 +242,12 @@ def judged(
     """A profile assessed, as the options say."""
     from trackprofile.assessment.assess import assess as judge
     from trackprofile.assessment.limits_toml import read_limits
-    from trackprofile.contracts import Rail, of_rail
+    from trackprofile.contracts import Rail, select_rail
     from trackprofile.io.model_toml import presets, read_roughness
     from trackprofile.units import quantity
 
     rules = read_limits(limits)
-    profile = of_rail(read, Rail(rail or JudgedRail.MEAN))
+    profile = select_rail(read, Rail(rail or JudgedRail.MEAN))
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
     return judge(profile, rules, quantity(speed, "speed"), spectra=spectra, passes=passes)
 
@@ -256,15 +256,17 @@ def _assessed(
     path: Path, limits: str, speed: str, from_m: float | None, to_m: float | None, passes: int,
     rail: JudgedRail | None,
 ) -> Assessment:  # fmt: skip
-    from trackprofile.contracts import between
+    from trackprofile.contracts import select_stretch
 
-    return judged(between(read_as(path, "profile"), from_m, to_m), limits, speed, passes, rail)
+    return judged(
+        select_stretch(read_as(path, "profile"), from_m, to_m), limits, speed, passes, rail
+    )
 
 
 def dated(text: str, rail: JudgedRail | None = None) -> DatedProfile:
     """A pass of PROFILE=DAY, named after the file."""
     from trackprofile.assessment.trend import DatedProfile
-    from trackprofile.contracts import Rail, of_rail
+    from trackprofile.contracts import Rail, select_rail
 
     path, _, day = text.rpartition("=")
     try:
@@ -273,7 +275,7 @@ def dated(text: str, rail: JudgedRail | None = None) -> DatedProfile:
         raise FileError(
             f"{text}: expected a profile and its day, such as may.nc=2026-05-31, got {text!r}."
         ) from error
-    profile = of_rail(read_as(Path(path), "profile"), Rail(rail or JudgedRail.MEAN))
+    profile = select_rail(read_as(Path(path), "profile"), Rail(rail or JudgedRail.MEAN))
     return DatedProfile(profile, when, Path(path).name)
 
 

@@ -41,7 +41,7 @@ def calibrate(
 ) -> None:
     """Fit a vehicle to recordings, with or without a reference for the profile under them."""
     from trackprofile.calibration.calibrate import calibrate as fit
-    from trackprofile.contracts import between
+    from trackprofile.contracts import select_stretch
     from trackprofile.io.atomic import check_places, whole_files
     from trackprofile.io.model_toml import (
         check_vehicle_place,
@@ -60,8 +60,10 @@ def calibrate(
     if picture is not None:
         check_png_library()
         check_places(picture)
-    measured = [between(read_as(path, "recording"), from_m, to_m) for path in recordings]
-    known = None if reference is None else between(read_as(reference, "profile"), from_m, to_m)
+    measured = [select_stretch(read_as(path, "recording"), from_m, to_m) for path in recordings]
+    known = (
+        None if reference is None else select_stretch(read_as(reference, "profile"), from_m, to_m)
+    )
     car, installation = read_vehicle(vehicle)
     support = read_track(track)
     spectrum = None if prior is None else read_spectrum(prior)

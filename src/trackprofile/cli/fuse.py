@@ -72,9 +72,9 @@ def fuse(
 
 def _between(one: DatedProfile, from_m: float | None, to_m: float | None) -> DatedProfile:
     from trackprofile.assessment.trend import DatedProfile
-    from trackprofile.contracts import between
+    from trackprofile.contracts import select_stretch
 
-    return DatedProfile(between(one.profile, from_m, to_m), one.day, one.name)
+    return DatedProfile(select_stretch(one.profile, from_m, to_m), one.day, one.name)
 
 
 def _stored(
@@ -87,7 +87,7 @@ def _stored(
 ) -> list[DatedProfile]:
     """The passes of a line in a store; what was fused before is none."""
     from trackprofile.assessment.trend import DatedProfile
-    from trackprofile.contracts.rates import FUSED
+    from trackprofile.contracts.rates import FUSION_METHOD
     from trackprofile.store import find, open_store, read_profile
 
     store = open_store(url)
@@ -97,7 +97,7 @@ def _stored(
     passes = [
         DatedProfile(read_profile(store, one, from_m, to_m), one.day, one.id)
         for one in entries
-        if not one.origin.method.startswith(FUSED)
+        if not one.origin.method.startswith(FUSION_METHOD)
     ]
     if not passes:
         raise DataError(

@@ -79,7 +79,7 @@ def infer(
     beside PROFILE until it ends.
     """
     from trackprofile.checkpoint import checkpoint_key, checkpoint_store
-    from trackprofile.contracts import between
+    from trackprofile.contracts import select_stretch
     from trackprofile.inference.infer import estimate
     from trackprofile.inference.settings import InferenceSettings
     from trackprofile.io.model_toml import read_spectrum, read_track
@@ -99,7 +99,7 @@ def infer(
     car, installation = vehicle_of_recording(measured, recording, vehicle)
     support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
     settings = None if search is None else read_search(search)
-    measured = between(measured, from_m, to_m)
+    measured = select_stretch(measured, from_m, to_m)
     kept, stopped = None, ""
     both: dict[str, Any] = {"installation": installation, "track": support, "seed": seed}
     if method is Method.CROSS_ENTROPY:

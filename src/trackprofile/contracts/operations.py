@@ -11,11 +11,11 @@ from trackprofile.arrays import integral
 from trackprofile.contracts.identity import IDENTITY, recording_identity, stretch_identity
 from trackprofile.contracts.rates import validate_rate
 from trackprofile.contracts.recording import validate_recording
-from trackprofile.contracts.validation import provenance_steps, said
+from trackprofile.contracts.validation import provenance_steps, text_attribute
 from trackprofile.errors import DataError
 
 
-def validated(dataset: xr.Dataset) -> xr.Dataset:
+def validate(dataset: xr.Dataset) -> xr.Dataset:
     """The dataset itself, if it keeps the contract that it names.
 
     Raises
@@ -23,7 +23,7 @@ def validated(dataset: xr.Dataset) -> xr.Dataset:
     DataError : it names neither, or see `validate_recording` and `validate_profile`.
     """
     checks = {"recording": validate_recording, "profile": validate_rate}
-    kind = said(dataset.attrs, "kind_of_data")
+    kind = text_attribute(dataset.attrs, "kind_of_data")
     if kind is None or kind not in checks:
         raise DataError(
             f"Expected a recording or a profile (attribute kind_of_data), got {kind!r}."
@@ -31,20 +31,20 @@ def validated(dataset: xr.Dataset) -> xr.Dataset:
     return checks[kind](dataset)
 
 
-def with_provenance(dataset: xr.Dataset, step: str) -> xr.Dataset:
+def append_provenance(dataset: xr.Dataset, step: str) -> xr.Dataset:
     """The dataset with one more step in its provenance.
 
     Examples
     --------
     >>> from trackprofile.contracts import build_profile
-    >>> with_provenance(build_profile([0, 1], [0, 0], kind="truth"), "levelled").attrs["provenance"]
+    >>> append_provenance(build_profile([0, 1], [0, 0], kind="truth"), "levelled").attrs["provenance"]
     '["levelled"]'
     """
     steps = [*provenance_steps(dataset), step]
     return dataset.assign_attrs(provenance=json.dumps(steps, ensure_ascii=False))
 
 
-def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr.Dataset:
+def select_stretch(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr.Dataset:
     """A recording or profile restricted to a stretch, both ends included.
 
     A recording without distance gets one, the integral of its speed over time from 0 m, so that
@@ -62,7 +62,7 @@ def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr
     --------
     >>> from trackprofile.contracts import build_profile
     >>> profile = build_profile([0.0, 1.0, 2.0, 3.0], [0.0] * 4, kind="truth")
-    >>> between(profile, 1.0, None)["distance"].values
+    >>> select_stretch(profile, 1.0, None)["distance"].values
     array([1., 2., 3.])
     """
     if from_m is None and to_m is None:
@@ -81,7 +81,7 @@ def between(dataset: xr.Dataset, from_m: float | None, to_m: float | None) -> xr
             f"to {distance[-1]:g} m; choose a stretch inside it."
         )
     piece = dataset.isel({dataset["distance"].dims[0]: inside})
-    piece = with_provenance(piece, f"between {low:g} m and {high:g} m")
+    piece = append_provenance(piece, f"between {low:g} m and {high:g} m")
     if IDENTITY in dataset.attrs:
         piece.attrs[IDENTITY] = stretch_identity(recording_identity(dataset), from_m, to_m)
-    return validated(piece)
+    return validate(piece)

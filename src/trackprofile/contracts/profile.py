@@ -11,16 +11,16 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.validation import (
-    DEVIATION,
+    DISTANCE_DEVIATION,
     check_deviation,
     check_finite,
     check_increasing,
     expect_kind,
-    flags_of,
-    put,
-    refuse_first,
-    said,
-    values_of,
+    float_values,
+    integer_values,
+    put_variable,
+    refuse_rows,
+    text_attribute,
 )
 from trackprofile.errors import DataError
 
@@ -98,20 +98,20 @@ def build_profile(
         }
     )
     metre = {"units": "m"}
-    put(dataset, "distance", "distance", distance, metre)
-    put(dataset, "elevation", "distance", elevation, metre)
+    put_variable(dataset, "distance", "distance", distance, metre)
+    put_variable(dataset, "elevation", "distance", elevation, metre)
     if standard_deviation is not None:
-        put(dataset, "standard_deviation", "distance", standard_deviation, metre)
+        put_variable(dataset, "standard_deviation", "distance", standard_deviation, metre)
     for band, values in (band_standard_deviations or {}).items():
-        put(dataset, f"standard_deviation_{band}", "distance", values, metre)
+        put_variable(dataset, f"standard_deviation_{band}", "distance", values, metre)
     if distance_deviation is not None:
-        put(dataset, DEVIATION, "distance", distance_deviation, metre)
+        put_variable(dataset, DISTANCE_DEVIATION, "distance", distance_deviation, metre)
     flags = np.zeros(dataset.sizes["distance"], np.int16) if quality is None else quality
     described = {
         "flag_masks": np.array(list(Quality), np.int16),
         "flag_meanings": " ".join(str(flag.name).lower() for flag in Quality),
     }
-    put(dataset, "quality", "distance", flags, described, np.int16)
+    put_variable(dataset, "quality", "distance", flags, described, np.int16)
     return validate_profile(dataset)
 
 
@@ -126,30 +126,32 @@ def validate_profile(profile: xr.Dataset) -> xr.Dataset:
     """
     expect_kind(profile, "profile")
     for name, accepted in (("kind", KINDS), ("loading", LOADINGS)):
-        found = said(profile.attrs, name)
+        found = text_attribute(profile.attrs, name)
         if found not in accepted:
             raise DataError(
                 f"A profile's {name} is one of {', '.join(accepted)}, this one says {found!r}."
             )
-    distance = values_of(profile, "distance", "distance", "m")
-    elevation = values_of(profile, "elevation", "distance", "m")
-    gap = (flags_of(profile, "quality", "distance") & Quality.GAP) != 0
+    distance = float_values(profile, "distance", "distance", "m")
+    elevation = float_values(profile, "elevation", "distance", "m")
+    gap = (integer_values(profile, "quality", "distance") & Quality.GAP) != 0
     if len(distance) < 2:
         raise DataError(f"A profile needs at least 2 points, this one has {len(distance)}.")
     check_finite("distance", distance)
     check_increasing("distance", distance, "m")
-    refuse_first(
+    refuse_rows(
         ~np.isfinite(elevation) & ~(gap & np.isnan(elevation)),
         "elevation",
         "there is no finite number and the quality does not say gap (1); mark or remove the row.",
     )
     spreads = [str(name) for name in profile if str(name).startswith("standard_deviation")]
     for name in spreads:
-        spread = values_of(profile, name, "distance", "m")
+        spread = float_values(profile, name, "distance", "m")
         good = ((spread >= 0) & np.isfinite(spread)) | (gap & np.isnan(spread))
-        refuse_first(~good, name, "expected a finite number, zero or more; mend or remove it.")
-    if DEVIATION in profile:
-        check_deviation(DEVIATION, values_of(profile, DEVIATION, "distance", "m"))
+        refuse_rows(~good, name, "expected a finite number, zero or more; mend or remove it.")
+    if DISTANCE_DEVIATION in profile:
+        check_deviation(
+            DISTANCE_DEVIATION, float_values(profile, DISTANCE_DEVIATION, "distance", "m")
+        )
     if profile.attrs["kind"] == "posterior" and "standard_deviation" not in spreads:
         raise DataError("A posterior needs its standard_deviation; without it, it is a point.")
     return profile

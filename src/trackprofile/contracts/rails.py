@@ -17,7 +17,12 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.profile import Quality, validate_profile
-from trackprofile.contracts.validation import check_beside_gaps, flags_of, put, values_of
+from trackprofile.contracts.validation import (
+    check_outside_gaps,
+    float_values,
+    integer_values,
+    put_variable,
+)
 from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
@@ -32,10 +37,10 @@ class Rail(StrEnum):
     DIFFERENCE = "difference"
 
 
-APART = (Rail.LEFT, Rail.RIGHT, Rail.DIFFERENCE)
+SEPARATE_RAILS = (Rail.LEFT, Rail.RIGHT, Rail.DIFFERENCE)
 """Those that have variables of their own."""
 
-QUALITY = "elevation_difference_quality"
+DIFFERENCE_QUALITY = "elevation_difference_quality"
 _SPREAD = "standard_deviation"
 
 
@@ -56,7 +61,7 @@ def with_rails(
     Parameters
     ----------
     profile : the profile contract
-    levels : of `APART`, at the profile's points; without a difference it is left minus right
+    levels : of `SEPARATE_RAILS`, at the profile's points; without a difference it is left minus right
     quality : (points,), sums of `Quality` of the difference; None if all are good
 
     Raises
@@ -68,36 +73,36 @@ def with_rails(
     >>> from trackprofile.contracts import build_profile
     >>> mean = build_profile([0.0, 0.25], [1e-3, 2e-3], kind="truth")
     >>> sides = {Rail.LEFT: RailLevel([2e-3, 2e-3]), Rail.RIGHT: RailLevel([0.0, 2e-3])}
-    >>> of_rail(with_rails(mean, sides), Rail.DIFFERENCE)["elevation"].values
+    >>> select_rail(with_rails(mean, sides), Rail.DIFFERENCE)["elevation"].values
     array([0.002, 0.   ])
     """
     found = profile.copy()
     metre = {"units": "m"}
     for rail, level in _with_difference(levels).items():
-        name = variable(rail)
-        put(found, name, "distance", level.elevation, metre)
+        name = rail_variable(rail)
+        put_variable(found, name, "distance", level.elevation, metre)
         if level.standard_deviation is not None:
-            put(found, f"{name}_{_SPREAD}", "distance", level.standard_deviation, metre)
+            put_variable(found, f"{name}_{_SPREAD}", "distance", level.standard_deviation, metre)
         for band, values in level.band_standard_deviations.items():
-            put(found, f"{name}_{_SPREAD}_{band}", "distance", values, metre)
+            put_variable(found, f"{name}_{_SPREAD}_{band}", "distance", values, metre)
     flags = np.zeros(found.sizes["distance"], np.int16) if quality is None else quality
-    put(found, QUALITY, "distance", flags, _described(profile), np.int16)
+    put_variable(found, DIFFERENCE_QUALITY, "distance", flags, _described(profile), np.int16)
     return validate_rails(found)
 
 
-def rails_of(profile: xr.Dataset) -> tuple[Rail, ...]:
+def available_rails(profile: xr.Dataset) -> tuple[Rail, ...]:
     """The rails that a profile has an elevation of: the mean, and all others or none.
 
     Examples
     --------
     >>> from trackprofile.contracts import build_profile
-    >>> rails_of(build_profile([0.0, 0.25], [1e-3, 2e-3], kind="truth"))
+    >>> available_rails(build_profile([0.0, 0.25], [1e-3, 2e-3], kind="truth"))
     (<Rail.MEAN: 'mean'>,)
     """
-    return (Rail.MEAN, *(rail for rail in APART if variable(rail) in profile))
+    return (Rail.MEAN, *(rail for rail in SEPARATE_RAILS if rail_variable(rail) in profile))
 
 
-def of_rail(profile: xr.Dataset, rail: Rail) -> xr.Dataset:
+def select_rail(profile: xr.Dataset, rail: Rail) -> xr.Dataset:
     """The profile of one rail alone: its elevation, standard deviations and flags under the usual names.
 
     Raises
@@ -107,12 +112,12 @@ def of_rail(profile: xr.Dataset, rail: Rail) -> xr.Dataset:
     alone = profile.drop_vars([name for name in map(str, profile.data_vars) if _apart(name)])
     if rail is Rail.MEAN:
         return alone
-    if rail not in rails_of(profile):
+    if rail not in available_rails(profile):
         raise DataError(
             f"The profile has no elevation of the {rail} rail, only the mean of both; infer it from sensors left and "
             "right, or leave --rail out."
         )
-    own = variable(rail)
+    own = rail_variable(rail)
     alone = alone.drop_vars(
         [name for name in map(str, alone.data_vars) if name.startswith(_SPREAD)]
     )
@@ -120,7 +125,11 @@ def of_rail(profile: xr.Dataset, rail: Rail) -> xr.Dataset:
         if name == own or name.startswith(f"{own}_{_SPREAD}"):
             usual = "elevation" if name == own else name.removeprefix(f"{own}_")
             alone[usual] = profile[name]
-    flags = profile[QUALITY] if QUALITY in profile else xr.zeros_like(profile["quality"])
+    flags = (
+        profile[DIFFERENCE_QUALITY]
+        if DIFFERENCE_QUALITY in profile
+        else xr.zeros_like(profile["quality"])
+    )
     quality = flags if rail is Rail.DIFFERENCE else profile["quality"] | flags
     alone["quality"] = quality.astype(np.int16).assign_attrs(profile["quality"].attrs)
     if alone.attrs["kind"] == "posterior" and _SPREAD not in alone:
@@ -137,33 +146,37 @@ def validate_rails(profile: xr.Dataset) -> xr.Dataset:
         elevation is missing outside a gap, or a standard deviation is missing or negative.
     """
     validate_profile(profile)
-    there = rails_of(profile)[1:]
+    there = available_rails(profile)[1:]
     if not there:
         return profile
-    if there != APART:
-        missing = ", ".join(variable(rail) for rail in APART if rail not in there)
+    if there != SEPARATE_RAILS:
+        missing = ", ".join(rail_variable(rail) for rail in SEPARATE_RAILS if rail not in there)
         raise DataError(f"A profile per rail has left, right and difference; {missing} is missing.")
-    flags = flags_of(profile, "quality", "distance")
-    gaps = flags_of(profile, QUALITY, "distance") if QUALITY in profile else 0 * flags
-    for rail in APART:
-        own = variable(rail)
+    flags = integer_values(profile, "quality", "distance")
+    gaps = (
+        integer_values(profile, DIFFERENCE_QUALITY, "distance")
+        if DIFFERENCE_QUALITY in profile
+        else 0 * flags
+    )
+    for rail in SEPARATE_RAILS:
+        own = rail_variable(rail)
         gap = (gaps & Quality.GAP) != 0
         if rail is not Rail.DIFFERENCE:
             gap = gap | ((flags & Quality.GAP) != 0)
         for name in (one for one in map(str, profile.data_vars) if one.startswith(own)):
-            if name == QUALITY:
+            if name == DIFFERENCE_QUALITY:
                 continue
-            values = values_of(profile, name, "distance", "m")
-            check_beside_gaps(name, values, gap, signed=name == own)
+            values = float_values(profile, name, "distance", "m")
+            check_outside_gaps(name, values, gap, signed=name == own)
     return profile
 
 
-def variable(rail: Rail) -> str:
+def rail_variable(rail: Rail) -> str:
     """The name of a rail's elevation.
 
     Examples
     --------
-    >>> variable(Rail.MEAN), variable(Rail.LEFT)
+    >>> rail_variable(Rail.MEAN), rail_variable(Rail.LEFT)
     ('elevation', 'elevation_left')
     """
     return "elevation" if rail is Rail.MEAN else f"elevation_{rail}"
@@ -172,12 +185,12 @@ def variable(rail: Rail) -> str:
 def _with_difference(levels: Mapping[Rail, RailLevel]) -> Mapping[Rail, RailLevel]:
     if Rail.DIFFERENCE in levels or not {Rail.LEFT, Rail.RIGHT} <= levels.keys():
         return levels
-    left, right = (np.asarray(levels[one].elevation, np.float64) for one in APART[:2])
+    left, right = (np.asarray(levels[one].elevation, np.float64) for one in SEPARATE_RAILS[:2])
     return {**levels, Rail.DIFFERENCE: RailLevel(left - right)}
 
 
 def _apart(name: str) -> bool:
-    return any(name.startswith(variable(rail)) for rail in APART)
+    return any(name.startswith(rail_variable(rail)) for rail in SEPARATE_RAILS)
 
 
 def _described(profile: xr.Dataset) -> Mapping[str, object]:

@@ -13,14 +13,19 @@ from numpy.typing import ArrayLike
 
 from trackprofile.contracts.profile import Quality
 from trackprofile.contracts.rails import validate_rails
-from trackprofile.contracts.validation import check_beside_gaps, flags_of, put, values_of
+from trackprofile.contracts.validation import (
+    check_outside_gaps,
+    float_values,
+    integer_values,
+    put_variable,
+)
 from trackprofile.errors import DataError
 
-FUSED = "fusion of"
+FUSION_METHOD = "fusion of"
 """With which the method of a profile begins that was made of many passes."""
 
 RATE, RATE_DEVIATION = "rate", "rate_deviation"
-UNIT = "m/day"
+RATE_UNIT = "m/day"
 
 
 def with_rate(
@@ -49,11 +54,11 @@ def with_rate(
     >>> has_rate(line), has_rate(with_rate(line, [0.0, -1e-5], [1e-6, 1e-6], {}))
     (False, True)
     """
-    found, unit = profile.copy(), {"units": UNIT}
-    put(found, RATE, "distance", rate, unit)
-    put(found, RATE_DEVIATION, "distance", deviation, unit)
+    found, unit = profile.copy(), {"units": RATE_UNIT}
+    put_variable(found, RATE, "distance", rate, unit)
+    put_variable(found, RATE_DEVIATION, "distance", deviation, unit)
     for band, values in band_deviations.items():
-        put(found, f"{RATE_DEVIATION}_{band}", "distance", values, unit)
+        put_variable(found, f"{RATE_DEVIATION}_{band}", "distance", values, unit)
     return validate_rate(found)
 
 
@@ -79,10 +84,10 @@ def validate_rate(profile: xr.Dataset) -> xr.Dataset:
     names = rate_variables(profile)
     if names and not {RATE, RATE_DEVIATION} <= set(names):
         raise DataError(f"A line has both {RATE} and {RATE_DEVIATION}; this one has {names[0]}.")
-    gap = (flags_of(profile, "quality", "distance") & Quality.GAP) != 0
+    gap = (integer_values(profile, "quality", "distance") & Quality.GAP) != 0
     for name in names:
-        values = values_of(profile, name, "distance", UNIT)
-        check_beside_gaps(name, values, gap, signed=name == RATE)
+        values = float_values(profile, name, "distance", RATE_UNIT)
+        check_outside_gaps(name, values, gap, signed=name == RATE)
     return profile
 
 

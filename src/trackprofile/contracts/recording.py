@@ -13,18 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from trackprofile.contracts.identity import IDENTITY, check_identity
 from trackprofile.contracts.validation import (
-    DEVIATION,
+    DISTANCE_DEVIATION,
     Array,
     check_deviation,
     check_finite,
     check_increasing,
     expect_kind,
-    flags_of,
-    number_in,
-    put,
-    refuse_first,
-    said,
-    values_of,
+    float_values,
+    integer_values,
+    number_attribute,
+    put_variable,
+    refuse_rows,
+    text_attribute,
 )
 from trackprofile.errors import DataError
 
@@ -35,13 +35,13 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
 }
 """What a channel may measure: its SI unit, and its dimension in `trackprofile.units`."""
 
-FIRST, LAST = ENDS = ("first", "last")
+FIRST_END, LAST_END = VEHICLE_ENDS = ("first", "last")
 """Which wheel of a vehicle leads, as its positions count."""
 
-HARDEST_BRAKING = 3.0
+MAX_DECELERATION = 3.0
 """Above what any train's brakes do [m/s²]; emergency brakes of trams reach it."""
 
-NUMBERS = ("noise_density", "bandwidth", "flicker")
+SENSOR_NUMBERS = ("noise_density", "bandwidth", "flicker")
 """What a channel may state of itself, each above zero."""
 
 _MOTION_UNITS = {"time": "s", "distance": "m", "speed": "m/s"}
@@ -105,7 +105,7 @@ def build_recording(
     clock_fault : (samples,), sums of `trackprofile.preprocessing.faults.ClockFault`; None: the clock was good
     distance_deviation : (samples,), standard deviation of the distance [m]; None: not known
     wheel_scale : true over nominal diameter of the wheel, where positions have put the distance right by it
-    leading_end : of the vehicle as it is described, where that is known: one of `ENDS`
+    leading_end : of the vehicle as it is described, where that is known: one of `VEHICLE_ENDS`
     identity : digest that identifies what was read from a file; "": the recording is identified by its arrays
 
     Raises
@@ -131,9 +131,9 @@ def build_recording(
     )
     for name, values in (("time", time), ("distance", distance), ("speed", speed)):
         if values is not None:
-            put(dataset, name, "sample", values, {"units": _MOTION_UNITS[name]})
+            put_variable(dataset, name, "sample", values, {"units": _MOTION_UNITS[name]})
     if distance_deviation is not None:
-        put(dataset, DEVIATION, "sample", distance_deviation, {"units": "m"})
+        put_variable(dataset, DISTANCE_DEVIATION, "sample", distance_deviation, {"units": "m"})
     if wheel_scale is not None:
         dataset.attrs["wheel_scale"] = float(wheel_scale)
     if leading_end:
@@ -141,7 +141,7 @@ def build_recording(
     if identity:
         dataset.attrs[IDENTITY] = identity
     if clock_fault is not None and np.any(clock_fault):
-        put(dataset, "clock_fault", "sample", clock_fault, {}, np.int8)
+        put_variable(dataset, "clock_fault", "sample", clock_fault, {}, np.int8)
     for channel in channels:
         _put_channel(dataset, channel)
     return validate_recording(dataset)
@@ -165,7 +165,7 @@ def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
             position=float(variable.attrs["position"]),
             lateral=float(variable.attrs.get("lateral", 0.0)),
             noise_density=_optional(variable.attrs.get("noise_density")),
-            valid=flags_of(recording, f"{name}_valid", "sample").astype(bool),
+            valid=integer_values(recording, f"{name}_valid", "sample").astype(bool),
             bandwidth=_optional(variable.attrs.get("bandwidth")),
             flicker=_optional(variable.attrs.get("flicker")),
         )
@@ -190,21 +190,23 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
         raise DataError(f"A recording needs at least 2 samples, this one has {samples}.")
     _check_motion(
         *(
-            values_of(recording, name, "sample", unit) if name in recording else None
+            float_values(recording, name, "sample", unit) if name in recording else None
             for name, unit in _MOTION_UNITS.items()
         )
     )
     if "clock_fault" in recording:
-        flags_of(recording, "clock_fault", "sample")
+        integer_values(recording, "clock_fault", "sample")
     leading_end(recording)
     check_identity(recording)
-    scale = number_in({"wheel_scale": 1.0} | recording.attrs, "wheel_scale")
+    scale = number_attribute({"wheel_scale": 1.0} | recording.attrs, "wheel_scale")
     if not 0 < scale < np.inf:
         raise DataError(
             f"A recording's wheel_scale is a number above zero, this one says {scale:g}."
         )
-    if DEVIATION in recording:
-        check_deviation(DEVIATION, values_of(recording, DEVIATION, "sample", "m"))
+    if DISTANCE_DEVIATION in recording:
+        check_deviation(
+            DISTANCE_DEVIATION, float_values(recording, DISTANCE_DEVIATION, "sample", "m")
+        )
     names = [name for name, one in recording.data_vars.items() if "quantity" in one.attrs]
     if not names:
         raise DataError("A recording needs at least one sensor channel, this one has none.")
@@ -214,16 +216,16 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
 
 
 def leading_end(recording: xr.Dataset) -> str:
-    """Which wheel of the vehicle leads, one of `ENDS`; "" where the recording does not say.
+    """Which wheel of the vehicle leads, one of `VEHICLE_ENDS`; "" where the recording does not say.
 
     Raises
     ------
     DataError : it says something else.
     """
-    end = said(recording.attrs, "leading_end") or ""
-    if end not in {"", *ENDS}:
+    end = text_attribute(recording.attrs, "leading_end") or ""
+    if end not in {"", *VEHICLE_ENDS}:
         raise DataError(
-            f"A recording's leading_end is one of {', '.join(ENDS)}, this one says {end!r}."
+            f"A recording's leading_end is one of {', '.join(VEHICLE_ENDS)}, this one says {end!r}."
         )
     return end
 
@@ -234,7 +236,7 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
         not name
         or "/" in name
         or name.endswith("_valid")
-        or name in {*dataset, *_MOTION_UNITS, DEVIATION}
+        or name in {*dataset, *_MOTION_UNITS, DISTANCE_DEVIATION}
     ):
         raise DataError(
             f"Channel {name!r}: expected a name of its own, without '/', not ending in '_valid', "
@@ -248,12 +250,12 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
     }
     if channel.lateral:
         attributes["lateral"] = float(channel.lateral)
-    for optional in NUMBERS:
+    for optional in SENSOR_NUMBERS:
         if (number := getattr(channel, optional)) is not None:
             attributes[optional] = float(number)
-    put(dataset, name, "sample", channel.values, attributes)
+    put_variable(dataset, name, "sample", channel.values, attributes)
     valid = np.ones(dataset.sizes["sample"], bool) if channel.valid is None else channel.valid
-    put(dataset, f"{name}_valid", "sample", valid, {}, np.bool_)
+    put_variable(dataset, f"{name}_valid", "sample", valid, {}, np.bool_)
 
 
 def _check_motion(time: Array | None, distance: Array | None, speed: Array | None) -> None:
@@ -276,7 +278,7 @@ def _check_motion(time: Array | None, distance: Array | None, speed: Array | Non
 def _check_speed(speed: Array, without_time: Array | None) -> None:
     """``without_time`` is the distance of a recording that has no time."""
     check_finite("speed", speed)
-    refuse_first(
+    refuse_rows(
         speed < 0,
         "speed",
         "the speed is {:g} m/s; expected zero or more: turn the recording round, or mend its sign.",
@@ -285,7 +287,7 @@ def _check_speed(speed: Array, without_time: Array | None) -> None:
     if not speed.any():
         raise DataError("The speed is zero in every row: the train never moved.")
     if without_time is not None:
-        refuse_first(
+        refuse_rows(
             (speed == 0) & ~_can_stand(speed, without_time),
             "speed",
             "the speed is zero between rows where the train runs, and without time a recording cannot "
@@ -298,33 +300,35 @@ def _can_stand(speed: Array, distance: Array) -> NDArray[np.bool_]:
 
     A train that creeps below the recorded step reads zero there.
     """
-    reachable = 2 * HARDEST_BRAKING * np.diff(distance) >= np.abs(np.diff(speed**2))
+    reachable = 2 * MAX_DECELERATION * np.diff(distance) >= np.abs(np.diff(speed**2))
     return np.concatenate([[True], reachable]) & np.concatenate([reachable, [True]])
 
 
 def _check_channel(name: str, recording: xr.Dataset) -> None:
     attributes = recording[name].attrs
-    quantity = said(attributes, "quantity")
+    quantity = text_attribute(attributes, "quantity")
     if quantity is None or quantity not in QUANTITIES:
         raise DataError(
             f"Channel {name!r}: its quantity is one of {', '.join(QUANTITIES)}, got {quantity!r}."
         )
     body = attributes.get("body")
-    if not (isinstance(body, str) and body and np.isfinite(number_in(attributes, "position"))):
+    if not (
+        isinstance(body, str) and body and np.isfinite(number_attribute(attributes, "position"))
+    ):
         raise DataError(f"Channel {name!r}: expected the body it is on, and a position on it in m.")
-    if not np.isfinite(number_in({"lateral": 0.0} | attributes, "lateral")):
+    if not np.isfinite(number_attribute({"lateral": 0.0} | attributes, "lateral")):
         raise DataError(
             f"Channel {name!r}: expected a lateral position in m, positive to the left."
         )
-    for optional in NUMBERS:
-        number = number_in({optional: 1.0} | attributes, optional)
+    for optional in SENSOR_NUMBERS:
+        number = number_attribute({optional: 1.0} | attributes, optional)
         if not 0 < number < np.inf:
             raise DataError(f"Channel {name!r}: expected a {optional} above zero, got {number:g}.")
-    values = values_of(recording, name, "sample", QUANTITIES[quantity][0])
-    valid = flags_of(recording, f"{name}_valid", "sample").astype(bool)
+    values = float_values(recording, name, "sample", QUANTITIES[quantity][0])
+    valid = integer_values(recording, f"{name}_valid", "sample").astype(bool)
     if not valid.any():
         raise DataError(f"Channel {name!r}: no sample is marked valid; leave this channel out.")
-    refuse_first(
+    refuse_rows(
         valid & ~np.isfinite(values),
         name,
         "there is no finite number; mark such samples invalid with a column of 1 and 0 "

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackprofile.contracts import between, recording_identity
+from trackprofile.contracts import recording_identity, select_stretch
 from trackprofile.errors import DataError, TrackprofileError
 from trackprofile.fleet.job import Row, recording_of
 from trackprofile.store import PassKey
@@ -52,7 +52,7 @@ def check_conflicts(rows: Sequence[Row]) -> None:
 
 def _claim(row: Row) -> _Claim:
     recording = recording_of(row)
-    run = between(recording, -np.inf, None)["distance"].to_numpy() + row.offset
+    run = select_stretch(recording, -np.inf, None)["distance"].to_numpy() + row.offset
     return _Claim(row, recording_identity(recording), float(run[0]), float(run[-1]))
 
 

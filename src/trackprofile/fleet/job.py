@@ -146,7 +146,7 @@ def process_recording(job: Job) -> JobResult:
 
 def _brought(job: Job) -> tuple[State, Entry]:
     from trackprofile.assessment.assess import assess
-    from trackprofile.contracts import Rail, of_rail
+    from trackprofile.contracts import Rail, select_rail
     from trackprofile.inference.infer import estimate
     from trackprofile.inference.settings import InferenceSettings
     from trackprofile.io.model_toml import presets, read_roughness
@@ -171,7 +171,7 @@ def _brought(job: Job) -> tuple[State, Entry]:
     )
     profile = _on_the_line(found.profile, row.offset)
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
-    assessment = assess(of_rail(profile, Rail.MEAN), means.limits, row.speed, spectra=spectra)
+    assessment = assess(select_rail(profile, Rail.MEAN), means.limits, row.speed, spectra=spectra)
     return State.STORED, add(store, place, profile, assessment, origin).entry
 
 
@@ -189,7 +189,7 @@ def _stored(store: Store, place: PassKey, origin: Origin) -> Entry | None:
 
 def recording_of(row: Row) -> xr.Dataset:
     """What a row takes of its recording."""
-    from trackprofile.contracts import between
+    from trackprofile.contracts import select_stretch
     from trackprofile.reader import read
 
     recording = read(row.file)
@@ -198,7 +198,7 @@ def recording_of(row: Row) -> xr.Dataset:
             f"{row.file}: expected a recording, this is a profile; give the right file."
         )
     start, end = (None if one is None else one - row.offset for one in (row.start, row.end))
-    return between(recording, start, end)
+    return select_stretch(recording, start, end)
 
 
 def means_of(row: Row, recording: xr.Dataset) -> ProcessingSettings:
@@ -242,7 +242,7 @@ def _word(name: str) -> str:
 
 def _on_the_line(profile: xr.Dataset, offset: float) -> xr.Dataset:
     """A profile by the line's distance in place of the recording's."""
-    from trackprofile.contracts import with_provenance
+    from trackprofile.contracts import append_provenance
 
     if not offset:
         return profile
@@ -250,4 +250,4 @@ def _on_the_line(profile: xr.Dataset, offset: float) -> xr.Dataset:
     moved = profile.assign_coords(
         distance=("distance", distance.to_numpy() + offset, distance.attrs)
     )
-    return with_provenance(moved, f"{offset:g} m added to the distance")
+    return append_provenance(moved, f"{offset:g} m added to the distance")

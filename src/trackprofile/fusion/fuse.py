@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D1, Band, band_pass_pieces
-from trackprofile.contracts import Quality, build_profile, has_rate, with_provenance, with_rate
-from trackprofile.contracts.rates import FUSED
+from trackprofile.contracts import Quality, append_provenance, build_profile, has_rate, with_rate
+from trackprofile.contracts.rates import FUSION_METHOD
 from trackprofile.errors import DataError
 from trackprofile.fusion.combine import CombinedProfile, combine, combine_others
 from trackprofile.fusion.pass_alignment import (
@@ -207,7 +207,7 @@ def _checked(passes: Sequence[DatedProfile]) -> list[DatedProfile]:
 
 def _single_pass(one: DatedProfile, day: date) -> FusionResult:
     zero = np.zeros(one.profile.sizes["distance"])
-    profile = with_provenance(with_rate(one.profile, zero, zero, {}), f"fuse: {one.name} alone")
+    profile = append_provenance(with_rate(one.profile, zero, zero, {}), f"fuse: {one.name} alone")
     only = FusedPass(
         one.name, one.day, str(one.profile.attrs["vehicle"]), 0.0, {}, {band.name: 1.0 for band in BANDS}
     )  # fmt: skip
@@ -254,7 +254,7 @@ def _profile(
         stack.distance,
         line.level,
         kind="posterior",
-        method=f"{FUSED} {int(weights.active.sum())} passes",
+        method=f"{FUSION_METHOD} {int(weights.active.sum())} passes",
         standard_deviation=np.where(known, deviations[ALL_WAVELENGTHS], np.nan),
         band_standard_deviations={
             band.name: np.where(known, deviations[band.name], np.nan)
@@ -268,7 +268,7 @@ def _profile(
     rates = _on_grid(stack, line.rate_error_density)
     in_bands = {name: rates[name] for name in sorted(names)}
     profile = with_rate(profile, line.rate, rates[ALL_WAVELENGTHS], in_bands)
-    return with_provenance(profile, _provenance(stack, weights, day, contradictions))
+    return append_provenance(profile, _provenance(stack, weights, day, contradictions))
 
 
 def _on_grid(stack: PassStack, density: Array) -> dict[str, Array]:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.bands import FILTER_NAME
-from trackprofile.contracts import build_profile, with_provenance, with_rails
+from trackprofile.contracts import append_provenance, build_profile, with_rails
 from trackprofile.inference.blocks import (
     BlockResult,
     BlockSettings,
@@ -289,7 +289,7 @@ def _combine(
             profile, rail_levels(result, across, rails.noise_correlation), across.flags
         )
     return Estimate(
-        with_provenance(profile, "; ".join([mean.step, *notes])),
+        append_provenance(profile, "; ".join([mean.step, *notes])),
         rails.sensor_signals(mean.data.used, None if difference is None else difference.data.used),
         rails.sensor_signals(
             mean.reproduced, None if difference is None else difference.reproduced

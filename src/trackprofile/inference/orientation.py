@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import xarray as xr
 
-from trackprofile.contracts.recording import LAST, leading_end
+from trackprofile.contracts.recording import LAST_END, leading_end
 from trackprofile.errors import DataError
 from trackprofile.inference.channel_assignment import assign_channels, turned_sensors
 from trackprofile.inference.observations import Observations
@@ -31,7 +31,7 @@ def orient(
     def oriented(turned: bool) -> Vehicle:
         return reversed_vehicle(vehicle) if turned else vehicle
 
-    if leading_end(recording) == LAST:
+    if leading_end(recording) == LAST_END:
         data = turned_sensors(data)
     rails = decompose_rails(data, oriented(data.turned), track, installation)
     mean = assign_channels(rails.mean, oriented(data.turned), track)
@@ -49,7 +49,7 @@ def expect_as_described(recording: xr.Dataset, verb: str) -> None:
     DataError
         Where the last wheel leads; ``verb`` names the operation that does not support it.
     """
-    if leading_end(recording) == LAST:
+    if leading_end(recording) == LAST_END:
         raise DataError(
             f"The last wheel of the vehicle leads (leading_end), which {verb} does not support; expected the first "
             "wheel: use a recording of the other direction."

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts.validation import DEVIATION
+from trackprofile.contracts.validation import DISTANCE_DEVIATION
 from trackprofile.models.sensor import Installation
 from trackprofile.preprocessing.motion import deviation_of_counting
 
@@ -51,7 +51,7 @@ def position_standard_deviation(
     position : (n,), m
     sample_distance : (samples,), position of the leading wheel, m
     """
-    stated, counted = recording.get(DEVIATION), ""
+    stated, counted = recording.get(DISTANCE_DEVIATION), ""
     known = _integration_deviation(recording) if stated is None else stated.to_numpy()
     if known is None:
         return None, ()

@@ -19,7 +19,7 @@ from typing import Protocol
 
 import xarray as xr
 
-from trackprofile.contracts import validated
+from trackprofile.contracts import validate
 from trackprofile.errors import FileError
 from trackprofile.io import netcdf, profile_table, recording_toml
 from trackprofile.io.unlocated_recording import UnlocatedRecording as UnlocatedRecording
@@ -95,7 +95,7 @@ def write(dataset: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
     DataError : the dataset does not keep its contract.
     """
     path = Path(path)
-    return format_to_write(validated(dataset).attrs["kind_of_data"], path).write(dataset, path)
+    return format_to_write(validate(dataset).attrs["kind_of_data"], path).write(dataset, path)
 
 
 def format_to_write(kind: str, path: Path) -> Format:

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import xarray as xr
 
-from trackprofile.contracts import validated
+from trackprofile.contracts import validate
 from trackprofile.errors import FileError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.column_info import Column
@@ -34,7 +34,7 @@ def read(path: Path) -> xr.Dataset:
     columns_apart(path, __name__, ())
     dataset = _loaded(path)
     with located(path):
-        return validated(without_content(dataset))
+        return validate(without_content(dataset))
 
 
 def read_here(path: Path, _names: Sequence[str]) -> dict[str, Column]:

@@ -17,17 +17,17 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from trackprofile.contracts import APART, Quality, RailLevel, build_profile, with_rails
-from trackprofile.contracts.rails import QUALITY, variable
+from trackprofile.contracts import SEPARATE_RAILS, Quality, RailLevel, build_profile, with_rails
+from trackprofile.contracts.rails import DIFFERENCE_QUALITY, rail_variable
 from trackprofile.contracts.rates import (
-    FUSED,
+    FUSION_METHOD,
     RATE,
     RATE_DEVIATION,
-    UNIT,
+    RATE_UNIT,
     rate_variables,
     validate_rate,
 )
-from trackprofile.contracts.validation import DEVIATION
+from trackprofile.contracts.validation import DISTANCE_DEVIATION
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import SUFFIXES as SUFFIXES
@@ -51,7 +51,7 @@ def read(path: Path) -> xr.Dataset:
     band_columns = {
         match[1]: name for name in names if (match := re.fullmatch(f"{_SPREAD}_(.+)_m", name))
     }
-    known = (f"{_SPREAD}_m", f"{DEVIATION}_m", "quality")
+    known = (f"{_SPREAD}_m", f"{DISTANCE_DEVIATION}_m", "quality")
     optional = [name for name in known if name in names]
     apart = [name for name in names if _of_one_rail(name)]
     rates = [name for name in names if _of_rate(name)]
@@ -63,12 +63,12 @@ def read(path: Path) -> xr.Dataset:
             table["distance_m"],
             table["elevation_m"],
             kind="point" if spread is None else "posterior",
-            method=f"{FUSED} passes" if rates else "",
+            method=f"{FUSION_METHOD} passes" if rates else "",
             standard_deviation=spread,
             band_standard_deviations={band: table[name] for band, name in band_columns.items()},
             quality=_flags(table["quality"]) if "quality" in table else None,
             provenance=[f"read from {path.name}"],
-            distance_deviation=table.get(f"{DEVIATION}_m"),
+            distance_deviation=table.get(f"{DISTANCE_DEVIATION}_m"),
         )
         profile = _with_rails(profile, table) if apart else profile
         return _with_rates(profile, table) if rates else profile
@@ -76,10 +76,14 @@ def read(path: Path) -> xr.Dataset:
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
     """Write the profile's variables; its attributes are lost."""
-    own = {DEVIATION, *(variable(rail) for rail in APART)}
+    own = {DISTANCE_DEVIATION, *(rail_variable(rail) for rail in SEPARATE_RAILS)}
     more = (str(name) for name in dataset if _SPREAD in str(name) or name in own)
     columns = {f"{name}_m": dataset[name].to_numpy() for name in ("distance", "elevation", *more)}
-    flags = {name: dataset[name].to_numpy() for name in ("quality", QUALITY) if name in dataset}
+    flags = {
+        name: dataset[name].to_numpy()
+        for name in ("quality", DIFFERENCE_QUALITY)
+        if name in dataset
+    }
     rates = {f"{name}{_PER_DAY}": dataset[name].to_numpy() for name in rate_variables(dataset)}
     with whole_files(path) as (file,):
         write_columns(file, columns | rates | flags)
@@ -88,8 +92,8 @@ def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
 
 def _of_one_rail(column: str) -> bool:
     """Whether a column is one of left, right or difference."""
-    names = "|".join(variable(rail) for rail in APART)
-    return bool(re.fullmatch(rf"(?:{names})(?:_{_SPREAD}(?:_.+)?)?_m|{QUALITY}", column))
+    names = "|".join(rail_variable(rail) for rail in SEPARATE_RAILS)
+    return bool(re.fullmatch(rf"(?:{names})(?:_{_SPREAD}(?:_.+)?)?_m|{DIFFERENCE_QUALITY}", column))
 
 
 def _of_rate(column: str) -> bool:
@@ -98,7 +102,7 @@ def _of_rate(column: str) -> bool:
 
 
 def _with_rates(profile: xr.Dataset, table: Mapping[str, np.ndarray]) -> xr.Dataset:
-    unit = {"units": UNIT}
+    unit = {"units": RATE_UNIT}
     return validate_rate(
         profile.assign(
             {
@@ -112,16 +116,16 @@ def _with_rates(profile: xr.Dataset, table: Mapping[str, np.ndarray]) -> xr.Data
 
 def _with_rails(profile: xr.Dataset, table: Mapping[str, np.ndarray]) -> xr.Dataset:
     levels = {}
-    for rail in (one for one in APART if f"{variable(one)}_m" in table):
-        own = f"{variable(rail)}_{_SPREAD}"
+    for rail in (one for one in SEPARATE_RAILS if f"{rail_variable(one)}_m" in table):
+        own = f"{rail_variable(rail)}_{_SPREAD}"
         spreads = {
             match[1]: values
             for name, values in table.items()
             if (match := re.fullmatch(f"{own}_(.+)_m", name))
         }
-        levels[rail] = RailLevel(table[f"{variable(rail)}_m"], table.get(f"{own}_m"), spreads)
-    flags = table.get(QUALITY)
-    return with_rails(profile, levels, None if flags is None else _flags(flags, QUALITY))
+        levels[rail] = RailLevel(table[f"{rail_variable(rail)}_m"], table.get(f"{own}_m"), spreads)
+    flags = table.get(DIFFERENCE_QUALITY)
+    return with_rails(profile, levels, None if flags is None else _flags(flags, DIFFERENCE_QUALITY))
 
 
 def _flags(values: np.ndarray, column: str = "quality") -> np.ndarray:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from trackprofile.contracts import (
     Quality,
     Rail,
+    available_rails,
     legacy_fingerprint,
-    of_rail,
-    rails_of,
     recording_identity,
+    select_rail,
 )
 from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT
 from trackprofile.errors import FileError, MissingExtraError, TrackprofileError
@@ -216,7 +216,9 @@ def summary(estimate: Inferred) -> dict[str, Any]:
     """The extent, the uncertainty and the quality of a profile in a few numbers, for JSON."""
     profile = estimate.profile
     distance, quality = profile["distance"].to_numpy(), profile["quality"].to_numpy()
-    apart = {rail.value: _deviations(of_rail(profile, rail)) for rail in rails_of(profile)}
+    apart = {
+        rail.value: _deviations(select_rail(profile, rail)) for rail in available_rails(profile)
+    }
     mean = apart.pop(Rail.MEAN.value)
     return {
         "from_m": float(distance[0]),

@@ -14,7 +14,7 @@ import pyarrow.parquet as parquet
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts import build_profile, with_provenance
+from trackprofile.contracts import append_provenance, build_profile
 from trackprofile.errors import DataError, FileError, TrackprofileError
 from trackprofile.store.columns import ATTRIBUTES, LEVEL, SPREAD
 from trackprofile.store.entry import Entry
@@ -72,7 +72,7 @@ def read_profile(
     profile = _dataset(columns, attributes)
     if start is None and end is None:
         return profile
-    return with_provenance(profile, f"between {low:g} m and {high:g} m")
+    return append_provenance(profile, f"between {low:g} m and {high:g} m")
 
 
 def table(

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts import Quality, build_profile, with_provenance
+from trackprofile.contracts import Quality, append_provenance, build_profile
 from trackprofile.errors import DataError
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import observations
@@ -380,7 +380,7 @@ def _profile(
         loading=loading(track),
         vehicle=vehicle.name,
     )
-    return with_provenance(profile, "; ".join([f"infer: {search}, seed {seed}", *notes]))
+    return append_provenance(profile, "; ".join([f"infer: {search}, seed {seed}", *notes]))
 
 
 def _reproduced(

@@ -14,10 +14,10 @@ from trackprofile.bands import D1, D2, Band, band_pass_pieces, resample
 from trackprofile.contracts import (
     Channel,
     Rail,
+    available_rails,
     channels,
     known_elevation,
-    of_rail,
-    rails_of,
+    select_rail,
 )
 from trackprofile.errors import DataError
 
@@ -202,8 +202,8 @@ def _track(profile: xr.Dataset) -> _Track:
         if str(name).startswith("standard_deviation")
     }
     sides = {
-        f"{rail} rail": resample(distance, known_elevation(of_rail(profile, rail)), grid)
-        for rail in rails_of(profile)
+        f"{rail} rail": resample(distance, known_elevation(select_rail(profile, rail)), grid)
+        for rail in available_rails(profile)
         if rail in {Rail.LEFT, Rail.RIGHT}
     }
     known = resample(distance, known_elevation(profile), grid)
