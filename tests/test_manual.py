@@ -6,6 +6,7 @@ outputs anew.
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 import shutil
@@ -76,6 +77,32 @@ def test_named_tests_and_modules_exist(page: Path) -> None:
             assert re.search(rf"def \w*{word}|\b{word}\b", source), f"{name} -k {word}"
     for name in sorted(set(re.findall(r"`[~(]?(trackprofile(?:\.\w+)+)[`(]", text))):
         resolve_name(name)
+
+
+def test_quoted_messages_exist() -> None:
+    text = (PROJECT / "docs" / "errors.md").read_text(encoding="utf-8")
+    quoted = re.findall(r"^(?:- )?(`.+?`)(?=:|, `|$)", text, re.MULTILINE)
+    messages = _messages()
+    assert len(quoted) > 10
+    for message in quoted:
+        for part in filter(None, map(str.strip, message.strip("`").split("..."))):
+            words = [rf"(?:{re.escape(word)}|\S*\0\S*)" for word in part.split()]
+            assert re.search(r"\s+".join(words), messages), part
+
+
+def _messages() -> str:
+    """All texts in the source, a line each, in which a zero stands for a value to be filled in."""
+    texts = []
+    for path in (PROJECT / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                values = (
+                    one.value if isinstance(one, ast.Constant) else "\0" for one in node.values
+                )
+                texts.append("".join(map(str, values)))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                texts.append(node.value)
+    return "\n".join(text.replace("\n", " ") for text in texts)
 
 
 def _command_lines(text: str) -> Iterator[str]:
