@@ -1,7 +1,7 @@
-"""A vehicle on a whole track of fixed length, for tests: slow, plain, and apart from the package's kernels.
+"""Reference model for tests: a vehicle on a track of fixed length, slow, simple, and independent of the kernels.
 
-No window moves, nothing is condensed or absorbed: rail, sleepers and ballast of the whole length, the bodies, and the
-contact forces as further unknowns stand in one sparse system, solved anew at every step (theory, section 3).
+There is no moving window, condensation or added damping: rail, sleepers and ballast of the whole length, the bodies,
+and the contact forces as further unknowns form one sparse system, which is solved at every step (theory, section 3).
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ HERMITE = (
     Polynomial([0, 0, 3, -2]),
     Polynomial([0, 0, -1, 1]),
 )
-"""Of the fraction of a bay; those of the slopes are still to be multiplied by its length."""
+"""Hermite polynomials of the fraction of a bay; those of the slopes are multiplied by its length where used."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """M, C and K; per node deflection and slope of the rail, sleeper and ballast."""
+    """M, C and K; four freedoms per node: deflection and slope of the rail, sleeper, ballast."""
 
     spacing: float
     M: sparse.csr_matrix
@@ -40,7 +40,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Passage:
-    """At every step: the bodies (3, n, freedoms), contact forces and deflections (n, wheels)."""
+    """Bodies (3, n, freedoms), contact forces and rail deflections (n, wheels) at every step."""
 
     bodies: Array
     contact_force: Array
@@ -96,7 +96,7 @@ def interpolation(track: Track, places: Array) -> list[sparse.csr_matrix]:
 def passage(
     vehicle: Vehicle, track: Track, profile: Irregularity, motion: Array, step: float, gravity: float
 ) -> Passage:  # fmt: skip
-    """March by Newmark's average acceleration from the loaded track at rest.
+    """Integrate with Newmark's average acceleration, from rest on the loaded track.
 
     ``motion`` (n + 1, 3) holds position, speed and acceleration of the leading wheel at 0, Δt, 2 Δt, ...
     """
@@ -111,7 +111,7 @@ def passage(
     x, rate, second = np.zeros((3, size + b))
     records = []
     for k, (s, v, a) in enumerate(motion):
-        # ẍ₊ = a_x x₊ - past₂ and ẋ₊ = b_x x₊ - past₁; the first time neither counts: the static solution.
+        # ẍ₊ = a_x x₊ - past₂ and ẋ₊ = b_x x₊ - past₁; both are 0 in the first step, which is the static solution.
         ax, bx = (4 / step**2, 2 / step) if k else (0.0, 0.0)
         past2 = ax * x + 2 * bx * rate + (second if k else 0.0)
         past1 = bx * x + (rate if k else 0.0)
@@ -128,7 +128,7 @@ def passage(
         )
         Kq, Cq = full.stiffness[:, :b], full.damping[:, :b]
         Kz, Cz = full.stiffness[:, b:], full.damping[:, b:]
-        # The links push the bodies and wheels by -(by_rail u₊ + by_body q₊ + known).
+        # The links act on the bodies and wheels with -(by_rail u₊ + by_body q₊ + known).
         by_rail, by_body = Kz @ z[0].toarray() + Cz @ z1[0].toarray(), Kq + bx * Cq
         known = Kz @ z[1] + Cz @ z1[1] - Cq @ past1[size:]
         body_mass, wheel_mass = np.diag(full.mass)[:b], np.diag(full.mass)[b:]
@@ -148,13 +148,15 @@ def passage(
                 -wheel_mass * z2[1] - weight[b:] - known[b:],
             ]
         )
-        found = spsolve(matrix, right)
+        solution = spsolve(matrix, right)
         x, rate, second = (
-            found[: size + b],
-            bx * found[: size + b] - past1,
-            ax * found[: size + b] - past2,
+            solution[: size + b],
+            bx * solution[: size + b] - past1,
+            ax * solution[: size + b] - past2,
         )
         if k:
-            records.append((np.array([x, rate, second])[:, size:], found[size + b :], N @ x[:size]))
+            records.append(
+                (np.array([x, rate, second])[:, size:], solution[size + b :], N @ x[:size])
+            )
     bodies, force, deflection = (np.array(part) for part in zip(*records, strict=True))
     return Passage(np.moveaxis(bodies, 1, 0), force, deflection)

@@ -107,7 +107,7 @@ def refused(folder: Path, text: str) -> None:
     ("old", "new", "said"),
     [
         ('width = "0.5 m"', 'widht = "0.5 m"', "unknown key 'widht'"),
-        ('sampling = "500 Hz"', 'sampling = "40 Hz"', "too coarse for the stiffest mode, at "),
+        ('sampling = "500 Hz"', 'sampling = "40 Hz"', "too long for the stiffest mode, at "),
         ('vehicle = "velaro"', 'vehicle = "tram"', "tram: there is no such file"),
         ('vehicle = "velaro"', 'vehicle = "quarter-car"', "does not have"),
         ('track = "zhai-layered"', 'track = "loose.toml"', "spacing must be above 0"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trackprofile.errors import FileError
-from trackprofile.methods.cross_entropy.search import TABLE_6
+from trackprofile.methods.cross_entropy.search_settings import TABLE_6
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.models.irregularity import Bell
 from trackprofile.reproduction import PAGE, TITLE, reproduce

@@ -234,4 +234,4 @@ def test_truth_begins_where_the_whole_irregularity_was_ridden(tmp_path: Path) ->
 
 def test_wheel_that_would_lift_off_is_told_of(tmp_path: Path) -> None:
     notes = made(tmp_path, BELL.replace("2 mm", "30 mm")).simulation.notes
-    assert "contact forces turn negative, first of 'wheel 1'" in notes[0]
+    assert "first at 'wheel 1'" in notes[0]

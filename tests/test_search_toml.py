@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from trackprofile.errors import FileError
-from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Variant
+from trackprofile.methods.cross_entropy.search_settings import TABLE_5, TABLE_6, Objective, Variant
 from trackprofile.methods.cross_entropy.search_toml import read_search
 
 

@@ -31,7 +31,7 @@ from trackprofile.kalman.smoother import initial_state, kalman_gains, posterior_
 from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.machine import in_one_thread, machine, peak_memory
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
-from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Variant
+from trackprofile.methods.cross_entropy.search_settings import TABLE_5, TABLE_6, Variant
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Flat, random_irregularity
 from trackprofile.models.kinematics import Motion

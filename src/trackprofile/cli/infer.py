@@ -31,7 +31,7 @@ class Method(StrEnum):
 class Evaluation(StrEnum):
     """How cross-entropy computes what a trial profile does."""
 
-    MAP = "map"
+    AFFINE = "affine"
     SIMULATION = "simulation"
 
 
@@ -66,7 +66,7 @@ def infer(
     ] = None,
     evaluation: Annotated[
         Evaluation, typer.Option(help="Of cross-entropy's trial profiles.")
-    ] = Evaluation.MAP,
+    ] = Evaluation.AFFINE,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a long run that was interrupted.")
     ] = False,
@@ -84,7 +84,7 @@ def infer(
     from trackprofile.inference.settings import InferenceSettings
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.io.vehicle_of_recording import vehicle_of_recording
-    from trackprofile.methods.cross_entropy import search as searches
+    from trackprofile.methods.cross_entropy import search_settings as searches
     from trackprofile.methods.cross_entropy.search_toml import read_search
     from trackprofile.reporting.result_files import (
         estimate_files,

@@ -125,7 +125,7 @@ def with_lead(case: Case) -> Case:
 def search_grid_signals(case: Case) -> Array:
     """What the sensors feel on the search's own grid, (scans + 1, sensors)."""
     car = case_model(case)
-    r = case.irregularity.at(car.place)[0]
+    r = case.irregularity.at(car.position)[0]
     r[: car.before] = 0.0
     return np.vstack([np.zeros(len(case.sensors)), car.signals(r, 0, case.scans)])
 

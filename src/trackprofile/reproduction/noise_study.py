@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from trackprofile.io.model_toml import read_spectrum
-from trackprofile.methods.cross_entropy.search import TABLE_6, Variant
+from trackprofile.methods.cross_entropy.search_settings import TABLE_6, Variant
 from trackprofile.models.irregularity import Bell, random_irregularity
 from trackprofile.models.sensor_errors import Instrument, instrument_noise, instrument_noise_density
 from trackprofile.reproduction.cases import (

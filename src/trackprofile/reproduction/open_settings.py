@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Variant
+from trackprofile.methods.cross_entropy.search_settings import TABLE_5, TABLE_6, Objective, Variant
 from trackprofile.models.integrate import newmark, wilson
 from trackprofile.reproduction.cases import bell, model_b, search_grid_signals
 from trackprofile.reproduction.paper_tables import median_generations

@@ -6,7 +6,7 @@ import numpy as np
 
 from trackprofile.io.model_toml import read_spectrum, read_track, read_vehicle
 from trackprofile.methods.cross_entropy.estimator import CrossEntropyResult
-from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Search
+from trackprofile.methods.cross_entropy.search_settings import TABLE_5, TABLE_6, SearchSettings
 from trackprofile.models.track import LayeredTrack
 from trackprofile.models.vehicle import parameter_values
 from trackprofile.reproduction.parts import PageSection, Table, comparison_table
@@ -107,7 +107,7 @@ def _tables_5_and_6() -> tuple[PageSection, PageSection]:
     return sections[0], sections[1]
 
 
-def _rows(search: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _rows(search: SearchSettings) -> tuple[tuple[str, ...], tuple[str, ...]]:
     names = (
         "length of profile per phase", "elevations per phase", "initial mean", "initial standard deviation",
         "population", "elite", "threshold",
@@ -115,7 +115,7 @@ def _rows(search: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return names, ("m", "–", "mm", "mm", "–", "–", "mm²")
 
 
-def _values(search: Search) -> tuple[float, ...]:
+def _values(search: SearchSettings) -> tuple[float, ...]:
     return (
         search.length or 0.0, search.unknowns, 1e3 * search.mean, 1e3 * search.standard_deviation,
         search.population, search.elite, 1e6 * search.threshold,

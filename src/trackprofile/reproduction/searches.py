@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from trackprofile.io.model_toml import read_spectrum
 from trackprofile.methods.cross_entropy.estimator import CrossEntropyResult, Phase
-from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Search, Variant
+from trackprofile.methods.cross_entropy.search_settings import (
+    TABLE_5,
+    TABLE_6,
+    Objective,
+    SearchSettings,
+    Variant,
+)
 from trackprofile.reproduction.cases import (
     CLASSES,
     Case,
@@ -67,7 +73,7 @@ def convergence() -> tuple[PageSection, PageSection, PageSection]:
     )  # fmt: skip
 
 
-def _both(case: Case, settings: Search) -> dict[Variant, CrossEntropyResult]:
+def _both(case: Case, settings: SearchSettings) -> dict[Variant, CrossEntropyResult]:
     signals = search_grid_signals(case)
     return {
         variant: run_search(case, signals, replace(settings, variant=variant)).found

@@ -19,7 +19,7 @@ from trackprofile.methods.cross_entropy.estimator import (
     sensor_weights,
 )
 from trackprofile.methods.cross_entropy.forward_model import forward_model
-from trackprofile.methods.cross_entropy.search import Search
+from trackprofile.methods.cross_entropy.search_settings import SearchSettings
 from trackprofile.models.integrate import Scheme
 from trackprofile.models.sensor_errors import Instrument
 from trackprofile.models.spectrum import Spectrum
@@ -57,7 +57,7 @@ class SmootherStudy:
 
 
 def run_search(
-    case: Case, signals: Array, settings: Search, instruments: Sequence[Instrument] = (), seed: int = 0
+    case: Case, signals: Array, settings: SearchSettings, instruments: Sequence[Instrument] = (), seed: int = 0
 ) -> SearchStudy:  # fmt: skip
     """Search a case that was ridden, as exact signals or as instruments read them; the seed is of both."""
     recording = case_recording(case, signals, instruments, seed)
@@ -132,11 +132,11 @@ def error_growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) 
     car = forward_model(
         case.vehicle, case.track, case.sensors, scheme, case.position, np.full(case.scans + 1, case.speed)
     )  # fmt: skip
-    elevation, generator = np.zeros(len(car.place)), np.random.default_rng(0)
+    elevation, generator = np.zeros(len(car.position)), np.random.default_rng(0)
     first, kept = 0, unknowns // 2
     while first + unknowns <= case.scans:
-        free = car.free(elevation, first, unknowns)
-        gain = car.gain(elevation, first, unknowns)
+        free = car.free_response(elevation, first, unknowns)
+        gain = car.gain_matrix(elevation, first, unknowns)
         rows = np.sqrt(weight)[:, None, None] * gain
         due = -np.sqrt(weight)[:, None] * free.T
         x = np.linalg.lstsq(rows.reshape(-1, unknowns), due.ravel())[0]
@@ -145,7 +145,7 @@ def error_growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) 
         elevation[car.before + first : car.before + first + kept] = x[:kept]
         if np.abs(x[:kept]).max() > 0.1:
             break
-        car = car.advanced(elevation, first, kept)
+        car = car.advance(elevation, first, kept)
         first += kept
     bent = np.abs(np.diff(elevation[car.before : car.before + first], 2))
     tenth = max(first // 10, 1)

@@ -1,1 +1,1 @@
-"""The full model: any vehicle over any track and irregularity, as a simulation in time."""
+"""Simulation in time of the full coupled model: any vehicle on any track over any irregularity."""

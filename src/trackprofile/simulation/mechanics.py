@@ -1,4 +1,4 @@
-"""The matrices of a vehicle whose wheels follow given paths, as the simulation takes them."""
+"""Matrices of a vehicle whose wheels follow given paths, for the simulation."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from trackprofile.models.vehicle import HEAVE, Vehicle, assemble
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81
-"""m/s², as in the paper's simulations."""
+"""Gravity as in the paper's simulations, m/s²."""
 
 MINIMUM_STEPS_PER_PERIOD = 5
-"""Of a period of the stiffest mode: at 5, average acceleration has that mode 11 % slow."""
+"""Minimum number of steps per period of the stiffest mode; at 5, average acceleration makes that mode 11 % slow."""
 
 
 @dataclass(frozen=True)
 class VehicleMatrices:
-    """M, C and K over the bodies' freedoms, then the wheels'.
+    """M, C and K over the degrees of freedom of the bodies, then of the wheels.
 
     Parameters
     ----------
-    freedoms : (part, motion) of the bodies' freedoms
-    mass : (bodies + wheels,), the diagonal of M, kg or kg m²
+    freedoms : (part, motion) of the bodies' degrees of freedom
+    mass : (bodies + wheels,), diagonal of M, kg or kg m²
     C, K : (bodies + wheels, bodies + wheels)
-    weight : (bodies + wheels,), N, down; 0 for pitch
-    offsets : (wheels,), m behind the leading wheel
+    weight : (bodies + wheels,), downward, 0 for pitch, N
+    offsets : (wheels,), distance behind the leading wheel, m
     """
 
     freedoms: tuple[tuple[str, str], ...]
@@ -44,17 +44,17 @@ class VehicleMatrices:
 
     @property
     def bodies(self) -> int:
-        """How many freedoms the bodies have."""
+        """Number of degrees of freedom of the bodies."""
         return len(self.freedoms)
 
 
 def vehicle_matrices(vehicle: Vehicle) -> VehicleMatrices:
-    """Assemble a vehicle for the simulation.
+    """Assemble the matrices of a vehicle.
 
     Raises
     ------
     ModelError
-        Where a body does not hang together with the wheels: it would fall.
+        Where a body is not supported by the wheels through links with stiffness.
     """
     full = assemble(vehicle)
     bodies = len(full.degrees_of_freedom) - len(vehicle.wheels)
@@ -65,7 +65,7 @@ def vehicle_matrices(vehicle: Vehicle) -> VehicleMatrices:
     if values[0] <= 1e-12 * values[-1]:
         part, motion = full.degrees_of_freedom[int(np.argmax(np.abs(modes[:, 0])))]
         raise ModelError(
-            f"vehicle {vehicle.name!r}: nothing holds the {motion} of {part!r}; add a link with stiffness"
+            f"vehicle {vehicle.name!r}: no link supports the {motion} of {part!r}; add a link with stiffness"
         )
     offsets = np.array([wheel.position for wheel in vehicle.wheels])
     freedoms = full.degrees_of_freedom[:bodies]
@@ -74,14 +74,15 @@ def vehicle_matrices(vehicle: Vehicle) -> VehicleMatrices:
 
 
 def check_step(car: VehicleMatrices, track: Track, scheme: Scheme) -> None:
-    """Refuse a step that does not follow the stiffest mode of the vehicle on its track.
+    """Check that the time step resolves the stiffest mode of the vehicle on its track.
 
-    Both schemes are stable at any step; with fewer than ``FEWEST_STEPS`` to a period they return something else.
+    Both schemes are stable at any step, but wrong with fewer than ``MINIMUM_STEPS_PER_PERIOD`` steps per period.
 
     Raises
     ------
     ModelError
-        With the mode's frequency and the longest step; where a wheel on an elastic track has no mass.
+        Where the step is too long, with the mode's frequency and the longest step; where a wheel on an elastic track
+        has no mass.
     """
     b, mass, K = car.bodies, car.mass, car.K.copy()
     match track:
@@ -90,7 +91,7 @@ def check_step(car: VehicleMatrices, track: Track, scheme: Scheme) -> None:
         case ElasticTrack():
             if not np.all(mass[b:] > 0):
                 raise ModelError(
-                    "a wheel without mass cannot stand on an elastic track; give it a mass or use the rigid track"
+                    "a wheel on an elastic track needs a mass; give every wheel a mass or use the rigid track"
                 )
             free = np.arange(len(mass))
             K[b:, b:] += track.stiffness * np.eye(len(mass) - b)
@@ -105,6 +106,6 @@ def check_step(car: VehicleMatrices, track: Track, scheme: Scheme) -> None:
     longest = 1.0 / (MINIMUM_STEPS_PER_PERIOD * frequency)
     if scheme.step > longest:
         raise ModelError(
-            f"a step of {1e3 * scheme.step:g} ms is too coarse for the stiffest mode, at {frequency:.1f} Hz; take at "
-            f"most {1e3 * longest:.2g} ms"
+            f"a time step of {1e3 * scheme.step:g} ms is too long for the stiffest mode, at {frequency:.1f} Hz; use "
+            f"at most {1e3 * longest:.2g} ms"
         )

@@ -1,8 +1,8 @@
-"""Compiled steps of a layered track: four freedoms at each node, deflection and slope of the rail, sleeper, ballast.
+"""Compiled integration steps of a layered track.
 
-Sleeper and ballast condense node by node; the rail is left with a symmetric matrix of half-bandwidth 3, which is
-factorised only when the window moves on by a bay. Arrays that hold a state have displacement, velocity and
-acceleration first.
+Each node has four degrees of freedom: deflection and slope of the rail, sleeper, ballast. Sleeper and ballast are
+condensed node by node; the remaining matrix of the rail is symmetric with half-bandwidth 3 and is factorised only when
+the window moves by a bay. Arrays that hold a state have displacement, velocity and acceleration along the first axis.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 @compiled
 def factorise(supports, bending, inertia, ax, bx):  # pragma: no cover
-    """Factors of a_x M + b_x C + K: L (2 n, 3) below the diagonal, D (2 n,), and what condensation needs (n, 4)."""
+    """L D Lᵀ factors of a_x M + b_x C + K: L (2 n, 3) below the diagonal, D (2 n,); condensation terms (n, 4)."""
     n = len(supports)
     band, condensed = np.zeros((2 * n, 4)), np.empty((n, 4))
     for e in range(n - 1):
@@ -45,14 +45,14 @@ def factorise(supports, bending, inertia, ax, bx):  # pragma: no cover
         D[i] = band[i, 0]
         for m in range(1, min(i, 3) + 1):
             D[i] -= L[i, m - 1] * L[i, m - 1] * D[i - m]
-    # The leading end is clamped: a bay at rest joins a node at rest, so that no move stretches the rail.
+    # The leading end is clamped: a bay that enters the window is at rest and joins a node at rest.
     D[2 * n - 2 :] = np.inf
     return L, D, condensed
 
 
 @compiled
 def solve(L, D, columns):  # pragma: no cover
-    """Columns (2 n, m) become the solution."""
+    """Solve for all columns (2 n, m) in place."""
     rows, count = columns.shape
     for i in range(rows):
         for k in range(1, min(i, 3) + 1):
@@ -70,7 +70,7 @@ def solve(L, D, columns):  # pragma: no cover
 
 @compiled
 def shape_functions(fraction, h, out):  # pragma: no cover
-    """Hermite's N, N' and N'' (3, 4) at a fraction of a bay of length h."""
+    """Hermite shape functions N, N' and N'' (3, 4) at a fraction of a bay of length h."""
     x = fraction
     out[0, 0], out[0, 1] = 1 - 3 * x * x + 2 * x**3, h * (x - 2 * x * x + x**3)
     out[0, 2], out[0, 3] = 3 * x * x - 2 * x**3, h * (x**3 - x * x)
@@ -90,7 +90,7 @@ def combine_history(state, coefficients, out):  # pragma: no cover
 
 @compiled
 def track_load(supports, inertia, hM, hC, condensed, right, inner):  # pragma: no cover
-    """M hM + C hC: of the rail, sleepers and ballast condensed onto it, in column 0; theirs in ``inner``."""
+    """M hM + C hC condensed onto the rail, in column 0 of ``right``; that of sleepers and ballast in ``inner``."""
     n = len(supports)
     right[:, 0] = 0.0
     for e in range(n - 1):
@@ -111,7 +111,7 @@ def track_load(supports, inertia, hM, hC, condensed, right, inner):  # pragma: n
 
 @compiled
 def recover_displacements(supports, condensed, inner, right, forces, reached):  # pragma: no cover
-    """The window's displacements from the rail's columns and the contact forces."""
+    """Displacements (nodes, 4) of the window from the rail's solution columns and the contact forces."""
     for k in range(len(supports)):
         for d in range(2):
             value = right[2 * k + d, 0]
@@ -136,7 +136,7 @@ def advance_state(step, p, g, h, state, reached):  # pragma: no cover
 
 @compiled
 def shift_window(state, bays):  # pragma: no cover
-    """The window moves on; what comes in is at rest."""
+    """Move the window forward by ``bays``; the track that enters is at rest."""
     nodes = state.shape[1]
     for part in range(3):
         for k in range(nodes):
@@ -146,7 +146,7 @@ def shift_window(state, bays):  # pragma: no cover
 
 @compiled
 def damp_window_ends(state, kept):  # pragma: no cover
-    """Take a share of the motion at the window's ends."""
+    """Multiply the velocity and acceleration at the ends of the window by ``kept`` (nodes,)."""
     for k in range(len(kept)):
         if kept[k] < 1.0:
             for d in range(4):
@@ -156,7 +156,7 @@ def damp_window_ends(state, kept):  # pragma: no cover
 
 @compiled
 def track_window(supports, first, absorbing, bending, inertia, ax, bx):  # pragma: no cover
-    """The supports from number ``first`` on, with the damping of the window's ends, and their factors."""
+    """Supports of the window from row ``first`` on, with the damping of its ends, and the factors."""
     window = supports[first : first + len(absorbing)].copy()
     window[:, GROUND_C] += absorbing
     return window, factorise(window, bending, inertia, ax, bx)

@@ -1,1 +1,1 @@
-"""Cross-entropy optimisation of the profile, window by window (paper, section 3)."""
+"""Cross-entropy search of the profile, one window at a time (O'Brien et al. 2017, section 3; theory, section 6)."""

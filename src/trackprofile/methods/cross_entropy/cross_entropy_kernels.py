@@ -1,4 +1,7 @@
-"""One generation of the cross-entropy method: compiled, arrays in, arrays out (theory, section 6)."""
+"""Compiled functions for one generation of the cross-entropy method (theory, section 6).
+
+An elite is an array (m, size) of indices into the population, one row per elevation.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,15 @@ import numba
 import numpy as np
 
 MINIMUM_EIGENVALUE_RATIO = 1e-6
-"""Of the largest variance, below which a direction of pairwise covariances is taken for rounding or worse."""
+"""Minimum eigenvalue of a covariance as a share of the largest; smaller ones are round-off or negative."""
 
 VARIANCE_FLOOR = 1e-36
-"""m², far below the rounding of any elevation."""
+"""Variance added to keep a covariance positive definite, far below the round-off of any elevation, m²."""
 
 
 @numba.njit(cache=True, nogil=True)
 def draw_random_walks(generator, count, mean, deviation):  # pragma: no cover
-    """Profiles (count, m) of which each elevation has the one before it as its mean (paper, equation 9)."""
+    """Random walks (count, m): the mean of each elevation is the elevation before it (paper, equation 9)."""
     x = np.empty((count, len(mean)))
     for i in range(count):
         at = mean[0]
@@ -26,9 +29,9 @@ def draw_random_walks(generator, count, mean, deviation):  # pragma: no cover
 
 @numba.njit(cache=True, nogil=True)
 def draw_normal(generator, count, mean, covariance):  # pragma: no cover
-    """Profiles (count, m), normally distributed."""
+    """Normally distributed profiles (count, m)."""
     m = len(mean)
-    # All but singular, or an elite of equals: a hair of each variance, and of a metre, keeps it positive.
+    # A nearly singular covariance, such as that of equal elite profiles, is kept positive definite.
     root = np.linalg.cholesky(covariance + np.diag(1e-12 * np.diag(covariance) + VARIANCE_FLOOR))
     x, z = np.empty((count, m)), np.empty(m)
     for i in range(count):
@@ -42,14 +45,14 @@ def draw_normal(generator, count, mean, covariance):  # pragma: no cover
 
 
 @numba.njit(cache=True, nogil=True)
-def misfits(gain, x, due, weight):  # pragma: no cover
-    """Weighted squared differences (count, scans) of G x to what is due (sensors, scans), summed over the sensors."""
-    out = np.zeros((x.shape[0], due.shape[1]))
-    for s in range(due.shape[0]):
+def misfits(gain, x, target, weight):  # pragma: no cover
+    """Squared differences of G x and the target (sensors, scans), weighted, summed over the sensors, (count, scans)."""
+    out = np.zeros((x.shape[0], target.shape[1]))
+    for s in range(target.shape[0]):
         for i in range(x.shape[0]):
-            for t in range(due.shape[1]):
-                # G is triangular: no scan feels an elevation that lies ahead.
-                difference = -due[s, t]
+            for t in range(target.shape[1]):
+                # G is lower triangular: no scan depends on an elevation ahead of it.
+                difference = -target[s, t]
                 for j in range(t + 1):
                     difference += gain[s, t, j] * x[i, j]
                 out[i, t] += weight[s] * difference * difference
@@ -58,23 +61,23 @@ def misfits(gain, x, due, weight):  # pragma: no cover
 
 @numba.njit(cache=True, nogil=True)
 def smallest(values, size):  # pragma: no cover
-    """Where the ``size`` least values stand, in their order: by insertion, for an elite is small."""
-    found, count = np.empty(size, np.int64), 0
+    """Indices of the ``size`` smallest values, sorted; by insertion, because an elite is small."""
+    indices, count = np.empty(size, np.int64), 0
     for i in range(len(values)):
-        if count == size and values[i] >= values[found[size - 1]]:
+        if count == size and values[i] >= values[indices[size - 1]]:
             continue
         count = min(count + 1, size)
         at = count - 1
-        while at > 0 and values[found[at - 1]] > values[i]:
-            found[at] = found[at - 1]
+        while at > 0 and values[indices[at - 1]] > values[i]:
+            indices[at] = indices[at - 1]
             at -= 1
-        found[at] = i
-    return found
+        indices[at] = i
+    return indices
 
 
 @numba.njit(cache=True, nogil=True)
 def elite_by_total(misfit, size):  # pragma: no cover
-    """The profiles of least O = ΣO_t, the same for each elevation (m, size) (paper, equation 10)."""
+    """The profiles with the smallest O = ΣO_t, the same for every elevation (paper, equation 10)."""
     best = smallest(misfit.sum(axis=1), size)
     elite = np.empty((misfit.shape[1], size), np.int64)
     for t in range(misfit.shape[1]):
@@ -84,7 +87,7 @@ def elite_by_total(misfit, size):  # pragma: no cover
 
 @numba.njit(cache=True, nogil=True)
 def elite_by_scan(misfit, size):  # pragma: no cover
-    """For each elevation the profiles of least O_t at its scan (m, size) (paper, equation 11)."""
+    """For each elevation, the profiles with the smallest O_t at its scan (paper, equation 11)."""
     elite = np.empty((misfit.shape[1], size), np.int64)
     for t in range(misfit.shape[1]):
         elite[t] = smallest(misfit[:, t], size)
@@ -93,7 +96,7 @@ def elite_by_scan(misfit, size):  # pragma: no cover
 
 @numba.njit(cache=True, nogil=True)
 def elite_mean(x, elite):  # pragma: no cover
-    """Mean of each elevation over its elite (m,)."""
+    """Mean of each elevation over its elite, (m,)."""
     mean = np.empty(x.shape[1])
     for t in range(x.shape[1]):
         mean[t] = x[elite[t], t].mean()
@@ -102,7 +105,7 @@ def elite_mean(x, elite):  # pragma: no cover
 
 @numba.njit(cache=True, nogil=True)
 def elite_variances(x, elite):  # pragma: no cover
-    """Variance of each elevation over its elite, as a diagonal matrix (m, m)."""
+    """Variance of each elevation over its elite, as a diagonal matrix, (m, m)."""
     size = elite.shape[1]
     covariance = np.zeros((x.shape[1], x.shape[1]))
     for t in range(x.shape[1]):
@@ -112,38 +115,38 @@ def elite_variances(x, elite):  # pragma: no cover
 
 @numba.njit(cache=True, nogil=True)
 def elite_covariance(x, elite):  # pragma: no cover
-    """Covariance (m, m) of the elevations; of a pair over the elite of the later one, whose O_t feels both."""
+    """Covariance (m, m) of the elevations; of a pair, over the elite of the later one, whose O_t depends on both."""
     m, size = elite.shape
     covariance = np.empty((m, m))
     for i in range(m):
         own = x[elite[i]]
         for j in range(i + 1):
-            at_i, at_j = own[:, i].mean(), own[:, j].mean()
+            mean_i, mean_j = own[:, i].mean(), own[:, j].mean()
             total = 0.0
             for k in range(size):
-                total += (own[k, i] - at_i) * (own[k, j] - at_j)
+                total += (own[k, i] - mean_i) * (own[k, j] - mean_j)
             covariance[i, j] = covariance[j, i] = total / (size - 1)
     return covariance
 
 
 @numba.njit(cache=True, nogil=True)
 def restore_positive_definite(covariance):  # pragma: no cover
-    """The same variances, without negative ones in any direction: pairwise covariances need not be a covariance."""
+    """The same variances with positive eigenvalues: pairwise covariances need not form a positive definite matrix."""
     values, vectors = np.linalg.eigh(covariance)
-    mended = (vectors * np.maximum(values, MINIMUM_EIGENVALUE_RATIO * values[-1])) @ vectors.T
-    scale = np.sqrt(np.diag(covariance) / np.diag(mended))
-    return scale * mended * scale.reshape(-1, 1)
+    corrected = (vectors * np.maximum(values, MINIMUM_EIGENVALUE_RATIO * values[-1])) @ vectors.T
+    scale = np.sqrt(np.diag(covariance) / np.diag(corrected))
+    return scale * corrected * scale.reshape(-1, 1)
 
 
 @numba.njit(cache=True, nogil=True)
 def update_distribution(
     x, misfit, size, per_scan, full, smoothing, mean, covariance
 ):  # pragma: no cover
-    """Mean (m,) and covariance (m, m) from which the next generation is drawn; O of the best profile, Σ(Δmean)²."""
+    """Mean (m,) and covariance (m, m) of the next generation; O of the best profile; Σ(Δmean)²."""
     elite = elite_by_scan(misfit, size) if per_scan else elite_by_total(misfit, size)
-    before, mean = mean, elite_mean(x, elite)
-    best, moved = misfit.sum(axis=1).min(), np.square(mean - before).sum()
+    previous, mean = mean, elite_mean(x, elite)
+    best, change = misfit.sum(axis=1).min(), np.square(mean - previous).sum()
     if not full:
-        return mean, elite_variances(x, elite), best, moved
+        return mean, elite_variances(x, elite), best, change
     covariance = smoothing * covariance + (1 - smoothing) * elite_covariance(x, elite)
-    return mean, restore_positive_definite(covariance) if per_scan else covariance, best, moved
+    return mean, restore_positive_definite(covariance) if per_scan else covariance, best, change

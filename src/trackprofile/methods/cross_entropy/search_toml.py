@@ -1,19 +1,19 @@
-"""Settings of the cross-entropy method as a person writes them in TOML: a table of the paper, and what differs.
+"""Settings of the cross-entropy search as TOML: one table of the paper, and the settings that differ from it.
 
-like = "table-6"                # or table-5
-length = "0.5 m"                # of profile inferred per phase; "as recorded": one elevation to a scan
-unknowns = 10                   # elevations per phase
-mean = "0 mm"                   # of the first generation, and its
-standard_deviation = "1 mm"
-population = 100
-elite = 0.1                     # share of the population
-threshold = "5e-11 mm2"         # of the sum of the squared changes of the means
+like = "table-6"                # or "table-5": the table that gives the default of every other key
+length = "0.5 m"                # length of profile per phase; "as recorded": one elevation per recorded sample
+unknowns = 10                   # number of elevations per phase
+mean = "0 mm"                   # mean of the first generation
+standard_deviation = "1 mm"     # standard deviation of the first generation
+population = 100                # number of trial profiles per generation
+elite = 0.1                     # share of the population in the elite
+threshold = "5e-11 mm2"         # sum of the squared changes of the means below which a run has converged
 objective = "scan"              # or "signal"
 variant = "covariance"          # or "literal"
-agreement = 0.05                # within which two runs are the same
-smoothing = 0.6                 # share of the covariance before that is kept
-generations = 300               # at most, and
-runs = 20
+agreement = 0.05                # maximum relative difference of two runs that agree
+smoothing = 0.6                 # weight of the previous covariance
+generations = 300               # maximum number of generations per run
+runs = 20                       # maximum number of runs per phase
 """
 
 from __future__ import annotations
@@ -28,7 +28,13 @@ from pydantic import BeforeValidator
 from trackprofile.errors import FileError, ModelError
 from trackprofile.io.scenario_tables import Length, si
 from trackprofile.io.toml_document import Strict, load
-from trackprofile.methods.cross_entropy.search import TABLE_5, TABLE_6, Objective, Search, Variant
+from trackprofile.methods.cross_entropy.search_settings import (
+    TABLE_5,
+    TABLE_6,
+    Objective,
+    SearchSettings,
+    Variant,
+)
 
 SEARCHES = {"table-5": TABLE_5, "table-6": TABLE_6}
 AS_RECORDED = "as recorded"
@@ -51,12 +57,16 @@ class SearchTable(Strict):
     runs: int | None = None
 
 
-def read_search(name_or_path: str | Path) -> Search:
-    """``table-5``, ``table-6`` or a TOML, as the module shows one.
+def read_search(name_or_path: str | Path) -> SearchSettings:
+    """Read the settings of the cross-entropy search.
+
+    Parameters
+    ----------
+    name_or_path : ``table-5``, ``table-6`` or the path of a TOML; the module's docstring shows one
 
     Raises
     ------
-    FileError : there is no such file, or it has a wrong key or number.
+    FileError : the file does not exist, or has an unknown key or a number out of range.
 
     Examples
     --------
@@ -68,15 +78,15 @@ def read_search(name_or_path: str | Path) -> Search:
         return SEARCHES[str(name_or_path)]
     if not path.is_file():
         raise FileError(
-            f"{name_or_path}: there is no such file; give the path of a TOML, or one of {', '.join(SEARCHES)}."
+            f"{name_or_path}: no such file; give the path of a TOML, or one of {', '.join(SEARCHES)}."
         )
-    read = load(path, SearchTable).model_dump(exclude_none=True)
-    if read.get("length") == AS_RECORDED:
-        read["length"] = None
+    values = load(path, SearchTable).model_dump(exclude_none=True)
+    if values.get("length") == AS_RECORDED:
+        values["length"] = None
     for name, kind in (("objective", Objective), ("variant", Variant)):
-        if name in read:
-            read[name] = kind(read[name])
+        if name in values:
+            values[name] = kind(values[name])
     try:
-        return replace(SEARCHES[read.pop("like")], **read)
+        return replace(SEARCHES[values.pop("like")], **values)
     except ModelError as error:
         raise FileError(f"{path}: {error}.") from error
