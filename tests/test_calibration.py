@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from trackprofile import infer
 from trackprofile.assessment.compare import compare
 from trackprofile.calibration.calibrate import calibrate
 from trackprofile.contracts import build_profile, select_stretch
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError, UndeterminedError
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.sensor import Installation
 from trackprofile.models.vehicle import parameter_values, with_parameters

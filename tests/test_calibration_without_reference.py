@@ -11,10 +11,10 @@ import pytest
 import xarray as xr
 
 from full_track_recording import STEADY, VELARO, recorded
+from trackprofile import infer
 from trackprofile.assessment.compare import compare
 from trackprofile.calibration.calibrate import Calibration, calibrate
 from trackprofile.demo import simulated
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track
 from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Sensor

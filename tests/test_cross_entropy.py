@@ -23,6 +23,7 @@ from trackprofile.methods.cross_entropy.optimisation import SearchRun, optimise,
 from trackprofile.methods.cross_entropy.search_settings import (
     TABLE_5,
     TABLE_6,
+    CrossEntropySettings,
     Evaluation,
     Objective,
     SearchSettings,
@@ -100,7 +101,7 @@ def test_model_b_recovers_a_bell(
 ) -> None:
     recording, truth = model_b
     search = replace(TABLE_6, variant=variant, objective=objective)
-    found = cross_entropy(recording, VELARO, track=BALLASTED, search=search)
+    found = cross_entropy(recording, VELARO, CrossEntropySettings(track=BALLASTED, search=search))
     assert found.profile.attrs["loading"] == "unloaded"
     loose = variant is Variant.LITERAL and objective is Objective.SIGNAL
     assert maximum_error(found.profile, truth) < (5e-4 if loose else 1e-6)
@@ -109,7 +110,9 @@ def test_model_b_recovers_a_bell(
 def test_the_same_seed_gives_identical_results(model_a: tuple[xr.Dataset, Array]) -> None:
     recording, _ = model_a
     first, again, other = (
-        cross_entropy(recording, QUARTER_CAR, seed=seed).profile["elevation"].to_numpy()
+        cross_entropy(recording, QUARTER_CAR, CrossEntropySettings(seed=seed))
+        .profile["elevation"]
+        .to_numpy()
         for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
@@ -120,7 +123,11 @@ def test_affine_map_and_simulation_give_the_same_elite(model_b: tuple[xr.Dataset
     short = model_b[0].isel(sample=slice(0, 32))
     search = replace(TABLE_6, population=40, threshold=1e-10)
     affine, simulated = (
-        cross_entropy(short, VELARO, track=BALLASTED, search=search, evaluation=evaluation)
+        cross_entropy(
+            short,
+            VELARO,
+            CrossEntropySettings(track=BALLASTED, search=search, evaluation=evaluation),
+        )
         for evaluation in Evaluation
     )
     assert [len(one.runs) for one in affine.phases] == [len(one.runs) for one in simulated.phases]
@@ -208,7 +215,7 @@ def test_an_initial_mean_near_the_solution_has_a_smaller_objective() -> None:
 def test_fewer_unknowns_give_more_phases(model_a: tuple[xr.Dataset, Array]) -> None:
     recording, truth = model_a
     search = replace(TABLE_5, unknowns=6, length=None)
-    found = cross_entropy(recording, QUARTER_CAR, search=search)
+    found = cross_entropy(recording, QUARTER_CAR, CrossEntropySettings(search=search))
     assert {one.kept for one in found.phases[:-1]} == {3}
     assert maximum_error(found.profile, truth) < 1e-6
 
@@ -316,7 +323,7 @@ def test_the_maximum_number_of_generations_flags_the_elevations(
     model_a: tuple[xr.Dataset, Array],
 ) -> None:
     search = replace(TABLE_5, generations=5, runs=2)
-    found = cross_entropy(model_a[0], QUARTER_CAR, search=search)
+    found = cross_entropy(model_a[0], QUARTER_CAR, CrossEntropySettings(search=search))
     assert np.all((found.profile["quality"] & Quality.UNCONVERGED) != 0)
     assert any("did not converge" in note for note in found.notes)
 
@@ -341,10 +348,14 @@ def test_an_interrupt_returns_the_result_so_far(model_a: tuple[xr.Dataset, Array
 
 def test_longer_phases_use_every_other_sample(model_a: tuple[xr.Dataset, Array]) -> None:
     recording, truth = model_a
-    found = cross_entropy(recording, QUARTER_CAR, search=replace(TABLE_5, length=0.5))
+    found = cross_entropy(
+        recording, QUARTER_CAR, CrossEntropySettings(search=replace(TABLE_5, length=0.5))
+    )
     assert found.profile.sizes["distance"] == 80
     assert np.corrcoef(found.profile["elevation"], truth[1::2])[0, 1] > 0.99
-    coarse = cross_entropy(recording, QUARTER_CAR, search=replace(TABLE_5, length=0.1))
+    coarse = cross_entropy(
+        recording, QUARTER_CAR, CrossEntropySettings(search=replace(TABLE_5, length=0.1))
+    )
     assert any("instead of 0.1 m" in note for note in coarse.notes)
 
 
@@ -352,7 +363,7 @@ def test_a_stuck_channel_is_excluded_with_a_note(model_b: tuple[xr.Dataset, Arra
     recording, truth = model_b
     dead = recording.copy(deep=True)
     dead["pitch"].values[:] = 0.0
-    found = cross_entropy(dead, VELARO, track=BALLASTED)
+    found = cross_entropy(dead, VELARO, CrossEntropySettings(track=BALLASTED))
     assert any(
         "'pitch' is not used: none of its samples is usable (stuck)" in note for note in found.notes
     )

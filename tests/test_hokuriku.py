@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from trackprofile import infer
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.compare import Comparison, compare
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.calibration.calibrate import Calibration, calibrate
 from trackprofile.contracts import build_profile, select_stretch
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.positioning.chainage import ChainageTable

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from trackprofile import infer
 from trackprofile.assessment.compare import compare
 from trackprofile.contracts import Quality, build_recording, channels
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError
-from trackprofile.inference.infer import estimate, infer
+from trackprofile.inference.infer import estimate
 from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.sensor import Installation

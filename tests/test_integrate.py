@@ -1,4 +1,4 @@
-"""Newmark's and Wilson's steps against exact solutions, energy, and tables in print."""
+"""Newmark's and Wilson's schemes compared with exact solutions, energy balance, and published examples."""
 
 from __future__ import annotations
 
@@ -17,24 +17,27 @@ SCHEMES = pytest.mark.parametrize("scheme", [newmark, wilson])
 M = np.diag([2.0, 1.0])
 C = np.array([[0.5, -0.2], [-0.2, 0.3]])
 K = np.array([[6.0, -2.0], [-2.0, 4.0]])
-PUSH, OMEGA = np.array([1.0, 10.0]), 1.7
-START, PACE = np.array([0.3, -0.1]), np.array([-0.2, 0.5])
+LOAD, OMEGA = np.array([1.0, 10.0]), 1.7
+DISPLACEMENT, VELOCITY = np.array([0.3, -0.1]), np.array([-0.2, 0.5])
 
 
 def exact(time: float) -> tuple[Array, Array, Array]:
-    """x, ẋ and ẍ of M ẍ + C ẋ + K x = PUSH cos(OMEGA t): the load is two more states of one linear system."""
+    """x, ẋ and ẍ of M ẍ + C ẋ + K x = LOAD cos(OMEGA t): the load adds two states to one linear system."""
     motion = np.zeros((6, 6))
     motion[:2, 2:4] = np.eye(2)
-    motion[2:4] = np.linalg.solve(M, np.column_stack([-K, -C, PUSH, np.zeros(2)]))
+    motion[2:4] = np.linalg.solve(M, np.column_stack([-K, -C, LOAD, np.zeros(2)]))
     motion[4, 5], motion[5, 4] = -OMEGA, OMEGA
-    state = expm(motion * time) @ np.concatenate([START, PACE, [1.0, 0.0]])
+    state = expm(motion * time) @ np.concatenate([DISPLACEMENT, VELOCITY, [1.0, 0.0]])
     return state[:2], state[2:4], (motion @ state)[2:4]
 
 
-def marched(scheme: Scheme, until: float) -> Response:
+def integrated(scheme: Scheme, until: float) -> Response:
     equilibrium = (np.arange(round(until / scheme.step)) + scheme.theta) * scheme.step
-    load = np.multiply.outer(np.cos(OMEGA * equilibrium), PUSH)
-    return integrate(scheme, M, C, K, load, START, PACE, exact(0.0)[2])
+    load = np.multiply.outer(np.cos(OMEGA * equilibrium), LOAD)
+    return integrate(
+        scheme, M, C, K, load, displacement=DISPLACEMENT, velocity=VELOCITY,
+        acceleration=exact(0.0)[2],
+    )  # fmt: skip
 
 
 @SCHEMES
@@ -42,64 +45,87 @@ def test_error_falls_with_the_square_of_the_step(scheme: Callable[[float], Schem
     until, steps = 4.0, 0.04 / 2.0 ** np.arange(5)
     errors = []
     for step in steps:
-        made = marched(scheme(step), until)
-        parts = (made.displacement, made.velocity, made.acceleration)
+        response = integrated(scheme(step), until)
+        parts = (response.displacement, response.velocity, response.acceleration)
         errors.append([np.max(np.abs(p[-1] - e)) for p, e in zip(parts, exact(until), strict=True)])
     order = np.polyfit(np.log(steps), np.log(errors), 1)[0]
-    # The error's next term is smaller by some ω Δt < 0.1 at the coarsest step, so the slope lies within 0.1.
+    # The next term of the error is smaller by ω Δt < 0.1 at the coarsest step, so the slope is within 0.1.
     np.testing.assert_allclose(order, 2.0, atol=0.1)
 
 
-def energy(made: Response) -> Array:
-    kinetic = np.sum(made.velocity @ M * made.velocity, axis=1)
-    return 0.5 * (kinetic + np.sum(made.displacement @ K * made.displacement, axis=1))
+def energy(response: Response) -> Array:
+    kinetic = np.sum(response.velocity @ M * response.velocity, axis=1)
+    return 0.5 * (kinetic + np.sum(response.displacement @ K * response.displacement, axis=1))
 
 
 @SCHEMES
-def test_free_undamped_motion_keeps_or_loses_its_energy(scheme: Callable[[float], Scheme]) -> None:
+def test_free_undamped_motion_conserves_energy_or_loses_it_with_wilson(
+    scheme: Callable[[float], Scheme],
+) -> None:
     steps = 100_000
-    held = energy(integrate(scheme(0.1), M, 0 * M, K, np.zeros((steps, 2)), START, PACE))
+    total = energy(
+        integrate(
+            scheme(0.1),
+            M,
+            0 * M,
+            K,
+            np.zeros((steps, 2)),
+            displacement=DISPLACEMENT,
+            velocity=VELOCITY,
+        )
+    )
     if scheme is newmark:
-        # Each step rounds some 10 sums of relative ε; were all of one sign, 1e5 steps would add up to 2e-10.
-        np.testing.assert_allclose(held, held[0], rtol=10 * steps * np.finfo(float).eps)
+        # Each step has about 10 sums with a round-off of ε; 1e5 steps add up to at most 2e-10.
+        np.testing.assert_allclose(total, total[0], rtol=10 * steps * np.finfo(float).eps)
     else:
-        # Over some four periods of the slower mode, not from step to step, within a period it swings by (ω Δt)².
-        assert np.all(np.diff(held[:2000:200]) < 0)
-        assert held[-1] < 1e-3 * held[0]
+        # Compared over four periods of the slower mode, because it varies by (ω Δt)² within a period.
+        assert np.all(np.diff(total[:2000:200]) < 0)
+        assert total[-1] < 1e-3 * total[0]
 
 
 @pytest.mark.parametrize("step", [0.3, 3.0, 100.0])
 def test_wilson_is_stable_at_any_step(step: float) -> None:
-    # x, ẋ and ẍ of one mass from unit starts are the columns of the matrix of one step.
+    # x, ẋ and ẍ of one mass after unit initial values are the columns of the matrix of one step.
     one, columns = np.eye(1), []
     for x, v, a in np.eye(3):
-        made = integrate(
-            wilson(step), one, 0 * one, one, np.zeros((1, 1)), *(np.array([i]) for i in (x, v, a))
+        response = integrate(
+            wilson(step),
+            one,
+            0 * one,
+            one,
+            np.zeros((1, 1)),
+            displacement=np.array([x]),
+            velocity=np.array([v]),
+            acceleration=np.array([a]),
         )
-        columns.append([made.displacement[1, 0], made.velocity[1, 0], made.acceleration[1, 0]])
+        columns.append(
+            [response.displacement[1, 0], response.velocity[1, 0], response.acceleration[1, 0]]
+        )
     radius = np.max(np.abs(np.linalg.eigvals(np.array(columns).T)))
     assert radius < 1
 
 
 @SCHEMES
-def test_rest_under_a_constant_load_stays_the_static_solution(
+def test_static_solution_under_a_constant_load_is_preserved(
     scheme: Callable[[float], Scheme],
 ) -> None:
-    still = np.linalg.solve(K, PUSH)
-    load = np.tile(PUSH, (1000, 1))
-    made = integrate(scheme(0.3), M, C, K, load, still, np.zeros(2))
-    # Round-off of K still = PUSH, of a few ε, is not fed back by a stable scheme.
-    np.testing.assert_allclose(made.displacement, np.tile(still, (1001, 1)), rtol=1e-13)
-    np.testing.assert_allclose(made.velocity, 0.0, atol=1e-13)
+    static = np.linalg.solve(K, LOAD)
+    load = np.tile(LOAD, (1000, 1))
+    response = integrate(scheme(0.3), M, C, K, load, displacement=static, velocity=np.zeros(2))
+    # Round-off of K static = LOAD, of a few ε, is not amplified by a stable scheme.
+    np.testing.assert_allclose(response.displacement, np.tile(static, (1001, 1)), rtol=1e-13)
+    np.testing.assert_allclose(response.velocity, 0.0, atol=1e-13)
 
 
 @SCHEMES
-def test_damped_motion_comes_to_rest_at_the_static_solution(
+def test_damped_motion_converges_to_the_static_solution(
     scheme: Callable[[float], Scheme],
 ) -> None:
-    made = integrate(scheme(0.3), M, C, K, np.tile(PUSH, (2000, 1)), START, PACE)
-    # The slower mode dies as e^(-0.066 t), over 600 s to 1e-17.
-    np.testing.assert_allclose(made.displacement[-1], np.linalg.solve(K, PUSH), rtol=1e-11)
+    response = integrate(
+        scheme(0.3), M, C, K, np.tile(LOAD, (2000, 1)), displacement=DISPLACEMENT, velocity=VELOCITY
+    )
+    # The slower mode decays as e^(-0.066 t), to 1e-17 after 600 s.
+    np.testing.assert_allclose(response.displacement[-1], np.linalg.solve(K, LOAD), rtol=1e-11)
 
 
 # Literature: Bathe, Finite Element Procedures, examples 9.3 (Wilson, θ = 1.4) and 9.4 (Newmark), Δt = 0.28.
@@ -116,15 +142,15 @@ BATHE_NEWMARK = [
 @pytest.mark.parametrize(
     ("scheme", "printed"), [(newmark(0.28), BATHE_NEWMARK), (wilson(0.28, 1.4), BATHE_WILSON)]
 )
-def test_bathes_worked_example(scheme: Scheme, printed: list[list[float]]) -> None:
+def test_published_example_of_bathe(scheme: Scheme, printed: list[list[float]]) -> None:
     load = np.tile([0.0, 10.0], (12, 1))
-    made = integrate(scheme, M, 0 * M, K, load, np.zeros(2), np.zeros(2))
-    # Three digits are in print, worked by hand from rounded ones: one unit of the last is let pass.
+    response = integrate(scheme, M, 0 * M, K, load, displacement=np.zeros(2), velocity=np.zeros(2))
+    # The source has three digits, computed by hand from rounded ones: a difference of one last digit is accepted.
     unit = 10.0 ** (np.floor(np.log10(printed)) - 2)
-    assert np.all(np.abs(made.displacement[1:].T - printed) <= unit)
+    assert np.all(np.abs(response.displacement[1:].T - printed) <= unit)
 
 
-def test_bad_steps_are_refused() -> None:
+def test_invalid_steps_are_rejected() -> None:
     for scheme in (newmark, wilson):
         for step in (0.0, -1e-3, float("nan")):
             with pytest.raises(ModelError, match="must be above 0 s"):
@@ -134,10 +160,19 @@ def test_bad_steps_are_refused() -> None:
             wilson(1e-3, theta)
 
 
-def test_matrices_that_cannot_be_solved_are_refused() -> None:
-    load, still = np.zeros((1, 2)), np.zeros(2)
+def test_singular_matrices_are_rejected() -> None:
+    load, zero = np.zeros((1, 2)), np.zeros(2)
     massless = np.diag([2.0, 0.0])
     with pytest.raises(ModelError, match="give every degree of freedom a mass"):
-        integrate(newmark(0.1), massless, 0 * M, 0 * M, load, still, still, still)
+        integrate(
+            newmark(0.1),
+            massless,
+            0 * M,
+            0 * M,
+            load,
+            displacement=zero,
+            velocity=zero,
+            acceleration=zero,
+        )
     with pytest.raises(ModelError, match="give every degree of freedom a mass"):
-        integrate(newmark(0.1), massless, 0 * M, K, load, still, still)
+        integrate(newmark(0.1), massless, 0 * M, K, load, displacement=zero, velocity=zero)

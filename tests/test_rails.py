@@ -13,6 +13,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from trackprofile import infer
 from trackprofile.assessment.compare import compare
 from trackprofile.cli import main
 from trackprofile.contracts import (
@@ -32,7 +33,7 @@ from trackprofile.errors import DataError, RowError
 from trackprofile.inference import blocks
 from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
 from trackprofile.inference.blocks import BlockResult
-from trackprofile.inference.infer import Estimate, estimate, infer
+from trackprofile.inference.infer import Estimate, estimate
 from trackprofile.inference.observations import observations
 from trackprofile.inference.rail_decomposition import decompose_rails, rail_levels
 from trackprofile.inference.settings import InferenceSettings

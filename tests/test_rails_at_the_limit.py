@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from test_at_the_limit import spectral_rms
+from trackprofile import infer
 from trackprofile.assessment.compare import compare
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.contracts import (
@@ -24,7 +25,6 @@ from trackprofile.contracts import (
     with_rails,
 )
 from trackprofile.inference.accuracy_bound import accuracy_bound_per_rail
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_spectrum, read_vehicle
 from trackprofile.io.table import read_columns
 from trackprofile.kalman.smoother import initial_state, kalman_gains, smooth

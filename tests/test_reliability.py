@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from trackprofile import infer
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits import Action, DefectLimits, Limits
 from trackprofile.bands import D1, band_pass, resample
 from trackprofile.demo import simulated
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
 

@@ -20,9 +20,9 @@ from test_at_the_limit import (
     smoother_of,
     spectral_rms,
 )
+from trackprofile import infer
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.contracts import Channel, build_recording
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum
 from trackprofile.kalman.smoother import smooth
 from trackprofile.models.sensor import Sensor

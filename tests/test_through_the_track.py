@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 from full_track_recording import VELARO, recorded
+from trackprofile import infer
 from trackprofile.assessment.compare import compare
 from trackprofile.errors import ModelError
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track
 
 PRIOR, SENSORS = read_spectrum("fra-4"), read_sensors("bogie-25ug")

@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 from full_track_recording import LAYERED, SAMPLING, STEP, VELARO
+from trackprofile import infer
 from trackprofile.assessment.alignment import align
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits import Action
@@ -19,7 +20,6 @@ from trackprofile.assessment.trend import DatedProfile, Trend, trend
 from trackprofile.bands import BANDS, D1, band_pass, gain
 from trackprofile.contracts import Channel, build_profile, build_recording
 from trackprofile.errors import DataError
-from trackprofile.inference.infer import infer
 from trackprofile.io.model_toml import read_sensors, read_spectrum
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Dip, Sum, random_irregularity

@@ -3,8 +3,8 @@ from .assessment.compare import compare as compare
 from .assessment.trend import trend as trend
 from .calibration.calibrate import calibrate as calibrate
 from .inference.accuracy_bound import accuracy_bound as accuracy_bound
-from .inference.infer import infer as infer
 from .io import write as write
+from .methods.method import infer as infer
 from .models.sensor import Sensor as Sensor
 from .models.spectrum import Spectrum as Spectrum
 from .models.track import ElasticTrack as ElasticTrack

@@ -31,7 +31,12 @@ from trackprofile.kalman.smoother import initial_state, kalman_gains, posterior_
 from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.machine import in_one_thread, machine, peak_memory
 from trackprofile.methods.cross_entropy.estimator import cross_entropy
-from trackprofile.methods.cross_entropy.search_settings import TABLE_5, TABLE_6, Variant
+from trackprofile.methods.cross_entropy.search_settings import (
+    TABLE_5,
+    TABLE_6,
+    CrossEntropySettings,
+    Variant,
+)
 from trackprofile.models.integrate import newmark
 from trackprofile.models.irregularity import Flat, random_irregularity
 from trackprofile.models.kinematics import Motion
@@ -123,8 +128,8 @@ def search_figures() -> list[Result]:
             float(case.position[-1]),
         )
         for variant in Variant:
-            one = replace(settings, variant=variant)
-            run = partial(cross_entropy, recording, case.vehicle, track=case.track, search=one)
+            one = CrossEntropySettings(track=case.track, search=replace(settings, variant=variant))
+            run = partial(cross_entropy, recording, case.vehicle, one)
             run()
             rate, real = _best(run) / length, 1 / case.speed
             beside = f"the paper {paper:g}, {paper / rate:.0f} times; the train {real:.3f}, {real / rate:.2f} times"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -101,13 +101,14 @@ def infer(
     settings = None if search is None else read_search(search)
     measured = select_stretch(measured, from_m, to_m)
     kept, stopped = None, ""
-    both: dict[str, Any] = {"installation": installation, "track": support, "seed": seed}
     if method is Method.CROSS_ENTROPY:
         from trackprofile.methods.cross_entropy.estimator import cross_entropy
 
-        both |= {"search": settings, "evaluation": searches.Evaluation(evaluation.value)}
+        chosen = searches.CrossEntropySettings(
+            installation, support, settings, searches.Evaluation(evaluation.value), seed
+        )
         with show.progress_bars() as progress, _interruptible(kept):
-            found = cross_entropy(measured, car, **both, progress=progress)
+            found = cross_entropy(measured, car, chosen, progress=progress)
         stopped = found.stopped
     else:
         options = InferenceSettings(installation, support, spectrum, draws, seed, correct, load)

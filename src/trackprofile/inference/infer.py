@@ -45,9 +45,7 @@ from trackprofile.inference.sensitivity import with_gain_uncertainty
 from trackprofile.inference.settings import InferenceSettings
 from trackprofile.models.receptance import point_track
 from trackprofile.models.roll import roll_track, roll_vehicle_for_sensors
-from trackprofile.models.sensor import Installation
-from trackprofile.models.spectrum import Spectrum
-from trackprofile.models.track import ElasticTrack, LayeredTrack, PointTrack, RigidTrack, Track
+from trackprofile.models.track import ElasticTrack, LayeredTrack, PointTrack, Track
 from trackprofile.models.vehicle import Vehicle
 from trackprofile.preprocessing.faults import Fault
 
@@ -86,63 +84,6 @@ class Estimate:
         return {"log_likelihood": self.log_likelihood}
 
 
-def infer(
-    recording: xr.Dataset,
-    vehicle: Vehicle,
-    *,
-    installation: Installation | None = None,
-    track: Track | None = None,
-    prior: Spectrum | None = None,
-    samples: int | None = None,
-    seed: int = 0,
-    full_track_correction: bool = False,
-    estimate_load: bool = False,
-    progress: Progress | None = None,
-) -> xr.Dataset:
-    """Longitudinal profile of the track from the signals that a vehicle's sensors recorded.
-
-    The optimal smoother (theory, section 7): the posterior mean of a spline with a Markov prior given all valid
-    samples, with its standard deviation at every point and, from posterior samples, in each of the bands D1, D2 and D3.
-
-    Parameters
-    ----------
-    recording : the recording contract
-    vehicle : the vehicle that carries the sensors
-    installation : of the sensors, from a calibration; None uses the description in the recording
-    track : under the wheels; None is a rigid track
-    prior : spectrum of the profile (mean of both rails) before anything is measured, m²/(rad/m); None estimates its
-        level from the data
-    samples : number of posterior samples for the standard deviations of the bands, dimensionless; None: 128, fewer for
-        a long run, at least 24
-    seed : of the posterior samples, dimensionless
-    full_track_correction : correct once by the full model of a layered track
-    estimate_load : estimate the mass of the first body, with a prior about the vehicle's stated mass
-    progress : called with the stage and its completed share, dimensionless
-
-    Returns
-    -------
-    the profile contract: elevation (m) every 0.25 m where the leading wheel ran; with sensors left and right, or of
-    roll, also the elevation of each rail and their difference
-
-    Raises
-    ------
-    DataError
-        Where the recording is shorter than the vehicle.
-    ModelError
-        Where the vehicle lacks the body that a sensor is mounted on.
-
-    Examples
-    --------
-    >>> from trackprofile import infer, simulate  # doctest: +SKIP
-    >>> profile = infer(recording, vehicle, samples=64)  # doctest: +SKIP
-    """
-    settings = InferenceSettings(
-        installation or Installation(), track or RigidTrack(), prior, samples, seed,
-        full_track_correction, estimate_load,
-    )  # fmt: skip
-    return estimate(recording, vehicle, settings, progress=progress).profile
-
-
 def estimate(
     recording: xr.Dataset,
     vehicle: Vehicle,
@@ -151,9 +92,29 @@ def estimate(
     progress: Progress | None = None,
     checkpoint: MutableMapping[int, BlockResult] | None = None,
 ) -> Estimate:
-    """As :func:`infer`, with the reproduced signals, the faults and the model.
+    """Estimate the longitudinal profile of the track with the optimal smoother (theory, section 7).
 
-    ``checkpoint`` holds the blocks that an earlier call with the same arguments has solved, and receives the others.
+    The posterior mean of a spline with a Markov prior given all valid samples, with its standard deviation at every
+    point and, from posterior samples, in each of the bands D1, D2 and D3.
+
+    Parameters
+    ----------
+    recording : the recording contract
+    vehicle : the vehicle that carries the sensors
+    settings : installation, track, prior, samples and corrections; None uses the defaults
+    progress : called with the stage and its completed share, dimensionless
+    checkpoint : blocks that an earlier call with the same arguments has solved; receives the others
+
+    Returns
+    -------
+    the profile, the reproduced signals, the faults and the model
+
+    Raises
+    ------
+    DataError
+        Where the recording is shorter than the vehicle.
+    ModelError
+        Where the vehicle lacks the body that a sensor is mounted on.
     """
     settings = settings or InferenceSettings()
     progress = progress or (lambda stage, share: None)

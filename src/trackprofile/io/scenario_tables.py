@@ -101,7 +101,7 @@ class RandomTable(Strict):
         """As the simulation takes it."""
         spectrum = read_roughness(placed(self.spectrum, beside))
         return random_irregularity(
-            spectrum, self.seed, self.shortest, self.longest, span[1] - span[0]
+            spectrum, self.seed, self.shortest, self.longest, length=span[1] - span[0]
         )
 
 

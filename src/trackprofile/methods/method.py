@@ -1,20 +1,27 @@
-"""The protocol of a method, the registry of methods, and `infer`.
+"""The protocol of a method, and `infer`, which chooses one.
 
-A method estimates a profile from a recording. To add one, write a module of this package with one function,
+A method estimates a profile from a recording. To add one, write a module of this package with a settings class and a
+function,
 
-    def my_method(recording, vehicle, *, installation=None, track=None, seed=0, progress=None, my_setting=1.0):
+    @dataclass(frozen=True)
+    class MySettings:
+        installation: Installation = field(default_factory=Installation)
+        track: Track = field(default_factory=RigidTrack)
+        seed: int = 0
+        my_setting: float = 1.0
+
+    def my_method(recording, vehicle, settings=None, *, progress=None):
         ...
         return result           # any object with the attributes of `MethodResult`
 
-and add one line to ``METHODS``. `infer(..., method="my-method")` and `trackprofile infer --method my-method` then run
-it. The module is imported on first use.
+and add one entry to `trackprofile.methods.registry`. `trackprofile.infer(..., method="my-method")` then runs it. The
+module is imported only when its method is used.
 """
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import fields
 from importlib import import_module
 from typing import Any, Protocol
 
@@ -24,8 +31,7 @@ from numpy.typing import NDArray
 
 from trackprofile.errors import ModelError
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.models.sensor import Installation
-from trackprofile.models.track import Track
+from trackprofile.methods.registry import METHODS, MethodEntry
 from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -37,8 +43,8 @@ class MethodResult(Protocol):
     Parameters
     ----------
     profile : the profile contract
-    used_signals : by channel, (samples,), the signal used: upright and without gravity; NaN where it was not used
-    reproduced : by channel, (samples,), the model's signal for the profile; NaN where it was not computed
+    used_signals : by channel, (samples,), upright and without gravity, m/s² or rad/s; NaN where a sample is not used
+    reproduced : by channel, (samples,), the model's signal for the profile, m/s² or rad/s; NaN where not computed
     sample_distance : (samples,), position of the leading wheel, m
     notes : assumptions and problems, one sentence each
     figures : statistics of the estimation, by name
@@ -58,16 +64,14 @@ class MethodResult(Protocol):
     def figures(self) -> Mapping[str, float]: ...
 
 
-class Method(Protocol):
-    """A method: a function with these arguments, and its own settings as further keyword-only arguments.
+class EstimationMethod(Protocol):
+    """A function that estimates a profile.
 
     Parameters
     ----------
     recording : the recording contract
     vehicle : the vehicle that carries the sensors
-    installation : installation of the sensors, from a calibration; None uses the recording's description
-    track : track under the wheels; None is a rigid track
-    seed : seed of all random numbers
+    settings : an object of the method's settings class; None uses the defaults
     progress : called with the stage and the share done
     """
 
@@ -75,54 +79,14 @@ class Method(Protocol):
         self,
         recording: xr.Dataset,
         vehicle: Vehicle,
+        settings: Any = None,
         *,
-        installation: Installation | None = None,
-        track: Track | None = None,
-        seed: int = 0,
         progress: Progress | None = None,
-        **settings: Any,
     ) -> MethodResult: ...
 
 
-@dataclass(frozen=True)
-class MethodEntry:
-    """A registered method.
-
-    Parameters
-    ----------
-    module, function : where it is defined
-    summary : one sentence, for help texts and tables
-    source : publication
-    """
-
-    module: str
-    function: str
-    summary: str
-    source: str
-
-
-METHODS: dict[str, MethodEntry] = {
-    "smoother": MethodEntry(
-        "trackprofile.inference.infer",
-        "estimate",
-        "optimal smoother with a Markov prior of the profile; gives the uncertainty of every point and band",
-        "docs/theory.md, section 7",
-    ),
-    "cross-entropy": MethodEntry(
-        "trackprofile.methods.cross_entropy.estimator",
-        "cross_entropy",
-        "cross-entropy search of the profile, window by window; gives no uncertainty",
-        "O'Brien, Bowe, Quirke, Cantero 2017, doi 10.1177/0954409716664936",
-    ),
-}
-"""The registered methods by name."""
-
-COMMON = frozenset({"recording", "vehicle", "installation", "track", "seed", "progress"})
-"""Arguments that every method has."""
-
-
-def load_method(name: str) -> Method:
-    """Import a method by name.
+def load_method(name: str) -> EstimationMethod:
+    """Import the function of a method.
 
     Raises
     ------
@@ -134,43 +98,41 @@ def load_method(name: str) -> Method:
     >>> load_method("cross-entropy").__name__
     'cross_entropy'
     """
-    if name not in METHODS:
-        raise ModelError(f"there is no method {name!r}; use one of {', '.join(METHODS)}")
-    entry = METHODS[name]
-    return getattr(import_module(entry.module), entry.function)
+    return _imported(_entry(name).function)
 
 
-def method_settings(name: str) -> tuple[str, ...]:
-    """The names of a method's own settings.
-
-    Examples
-    --------
-    >>> method_settings("cross-entropy")
-    ('search', 'evaluation')
-    """
-    return tuple(
-        one for one in inspect.signature(load_method(name)).parameters if one not in COMMON
-    )
-
-
-def check_settings(name: str, settings: Mapping[str, object]) -> None:
-    """Check that a method has all of the given settings.
+def method_settings(name: str, values: Mapping[str, Any]) -> Any:
+    """Settings of a method from values by name; None stands for the default.
 
     Raises
     ------
     ModelError
-        Where the method does not have one of them.
+        Where there is no method of that name, or the method does not have one of the settings.
 
     Examples
     --------
-    >>> check_settings("cross-entropy", {"search": None})
+    >>> method_settings("cross-entropy", {"seed": 3, "search": None}).seed
+    3
     """
-    known = method_settings(name)
-    for one in settings:
+    settings = _imported(_entry(name).settings)
+    known = [one.name for one in fields(settings)]
+    for one in values:
         if one not in known:
             raise ModelError(
                 f"the method {name!r} has no setting {one!r}; its settings are {', '.join(known)}"
             )
+    return settings(**{key: value for key, value in values.items() if value is not None})
+
+
+def _entry(name: str) -> MethodEntry:
+    if name not in METHODS:
+        raise ModelError(f"there is no method {name!r}; use one of {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def _imported(name: str) -> Any:
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
 
 
 def infer(
@@ -178,52 +140,46 @@ def infer(
     vehicle: Vehicle,
     *,
     method: str = "smoother",
-    installation: Installation | None = None,
-    track: Track | None = None,
-    seed: int = 0,
     progress: Progress | None = None,
     **settings: Any,
 ) -> xr.Dataset:
-    """Estimate the longitudinal profile of the track from a recording.
+    """Longitudinal profile of the track from the signals that a vehicle's sensors recorded.
+
+    The default method is the optimal smoother (theory, section 7): the posterior mean of a spline with a Markov prior
+    given all valid samples, with its standard deviation at every point and, from posterior samples, in each of the
+    bands D1, D2 and D3.
 
     Parameters
     ----------
     recording : the recording contract
     vehicle : the vehicle that carries the sensors
-    method : a name in ``METHODS``
-    installation : installation of the sensors, from a calibration; None uses the recording's description
-    track : track under the wheels; None is a rigid track
-    seed : seed of all random numbers
-    progress : called with the stage and the share done
-    settings : settings of the method: of the smoother those of `trackprofile.inference.infer.estimate`, of
-        cross-entropy those of `trackprofile.methods.cross_entropy.estimator.cross_entropy`
+    method : name of a method in `trackprofile.methods.registry`
+    progress : called with the stage and its completed share, dimensionless
+    settings : settings of the method by name, such as ``installation``, ``track`` and ``seed``: for the smoother the
+        fields of `trackprofile.inference.settings.InferenceSettings`, for cross-entropy those of
+        `trackprofile.methods.cross_entropy.search_settings.CrossEntropySettings`. None stands for the default
 
     Returns
     -------
-    the profile contract: elevation (m) every 0.25 m along the run of the leading wheel, with the standard deviation
-    (m) of every point and band where the method gives it; with sensors left and right or of roll also the elevation
-    of each rail and their difference
+    the profile contract: elevation (m) every 0.25 m where the leading wheel ran; with sensors left and right, or of
+    roll, also the elevation of each rail and their difference
 
     Raises
     ------
     DataError
         Where the recording cannot be used, such as one shorter than the vehicle.
     ModelError
-        Where the vehicle lacks the body of a sensor, or the method is unknown or lacks a setting.
+        Where the vehicle lacks the body that a sensor is mounted on, or the method or a setting is unknown.
 
     Examples
     --------
     >>> from trackprofile.demo import simulated
     >>> from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
-    >>> vehicle, _ = read_vehicle("velaro")
-    >>> recording, _ = simulated(
-    ...     vehicle, read_track("zhai"), read_sensors("bogie-25ug"), read_spectrum("german-low"), 60.0, 1)
-    >>> profile = infer(recording, vehicle, track=read_track("zhai"))
-    >>> profile.attrs["kind"]
+    >>> vehicle, track = read_vehicle("velaro")[0], read_track("zhai")
+    >>> sensors, spectrum = read_sensors("bogie-25ug"), read_spectrum("german-low")
+    >>> recording, _ = simulated(vehicle, track, sensors, spectrum, length=60.0, seed=1)
+    >>> infer(recording, vehicle, track=track).attrs["kind"]
     'posterior'
     """
-    check_settings(method, settings)
-    return load_method(method)(
-        recording, vehicle, installation=installation, track=track, seed=seed, progress=progress,
-        **settings,
-    ).profile  # fmt: skip
+    chosen = method_settings(method, settings)
+    return load_method(method)(recording, vehicle, chosen, progress=progress).profile

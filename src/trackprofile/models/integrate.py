@@ -121,7 +121,7 @@ class Response:
 
 
 def integrate(
-    scheme: Scheme, M: Array, C: Array, K: Array, load: Array, displacement: Array, velocity: Array,
+    scheme: Scheme, M: Array, C: Array, K: Array, load: Array, *, displacement: Array, velocity: Array,
     acceleration: Array | None = None,
 ) -> Response:  # fmt: skip
     """Integrate M ẍ + C ẋ + K x = f with constant matrices.
@@ -141,7 +141,8 @@ def integrate(
     Examples
     --------
     >>> one = np.eye(1)
-    >>> swing = integrate(newmark(1e-3), one, 0 * one, one, np.zeros((1000, 1)), np.ones(1), np.zeros(1))
+    >>> swing = integrate(newmark(1e-3), one, 0 * one, one, np.zeros((1000, 1)),
+    ...     displacement=np.ones(1), velocity=np.zeros(1))
     >>> round(float(swing.displacement[-1, 0]), 5), round(float(np.cos(1.0)), 5)
     (0.5403, 0.5403)
     """

@@ -310,6 +310,7 @@ def random_irregularity(
     generator: np.random.Generator | int,
     shortest: float,
     longest: float,
+    *,
     length: float = 0.0,
     start: float = -np.inf,
     taper: float = 0.0,

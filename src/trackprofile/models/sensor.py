@@ -70,7 +70,7 @@ class Sensor:
     flicker : F, square root of the one-sided density F²/f of the 1/f noise at 1 Hz, m/s²/√Hz or rad/s/√Hz. The
         minimum σ of an Allan deviation ("bias instability") is √(2 ln 2) F where no other noise adds to it
         (IEEE Std 952, annex C, there with B² = π F²). None: not stated
-    gain : reading per quantity
+    gain : reading per quantity, dimensionless
     tilt : nose-up tilt of an accelerometer in the vehicle's vertical plane, rad: it reads
         gain (cos(tilt) z̈ + sin(tilt) s̈), where s̈ is the train's longitudinal acceleration
     residual : coloured model error of the signal; None where unknown

@@ -187,7 +187,13 @@ def instruments(accelerometer: str) -> tuple[Instrument, Instrument]:
 
 def _random(grade: str) -> Irregularity:
     return random_irregularity(
-        read_spectrum(grade), int(grade[-1]), SHORTEST, LONGEST, LENGTH, start=0.0, taper=TAPER
+        read_spectrum(grade),
+        int(grade[-1]),
+        SHORTEST,
+        LONGEST,
+        length=LENGTH,
+        start=0.0,
+        taper=TAPER,
     )
 
 

@@ -19,7 +19,7 @@ from trackprofile.methods.cross_entropy.estimator import (
     sensor_weights,
 )
 from trackprofile.methods.cross_entropy.forward_model import forward_model
-from trackprofile.methods.cross_entropy.search_settings import SearchSettings
+from trackprofile.methods.cross_entropy.search_settings import CrossEntropySettings, SearchSettings
 from trackprofile.models.integrate import Scheme
 from trackprofile.models.sensor_errors import Instrument
 from trackprofile.models.spectrum import Spectrum
@@ -62,7 +62,9 @@ def run_search(
     """Search a case that was ridden, as exact signals or as instruments read them; the seed is of both."""
     recording = case_recording(case, signals, instruments, seed)
     began = time.perf_counter()
-    found = cross_entropy(recording, case.vehicle, track=case.track, search=settings, seed=seed)
+    found = cross_entropy(
+        recording, case.vehicle, CrossEntropySettings(track=case.track, search=settings, seed=seed)
+    )
     taken = time.perf_counter() - began
     place = found.profile["distance"].to_numpy()
     truth = case.irregularity.at(place)[0]

@@ -88,7 +88,10 @@ def simulate(
 
     Parameters
     ----------
-    irregularity : unloaded profile under both rails
+    vehicle : vehicle that runs
+    track : rigid, elastic or layered track
+    irregularity : unloaded profile of both rails
+    run : section, motion and run-in
     scheme : integration scheme with its step
     progress : called with the stage and the share done
 

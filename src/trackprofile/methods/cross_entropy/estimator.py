@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from trackprofile.contracts import Quality, build_profile, with_provenance
+from trackprofile.contracts import Quality, append_provenance, build_profile
 from trackprofile.errors import DataError
 from trackprofile.inference.maximum_likelihood import Progress
 from trackprofile.inference.observations import observations
@@ -27,13 +27,12 @@ from trackprofile.methods.cross_entropy.scans import Scans, select_scans
 from trackprofile.methods.cross_entropy.search_settings import (
     TABLE_5,
     TABLE_6,
+    CrossEntropySettings,
     Evaluation,
     SearchSettings,
 )
 from trackprofile.models.integrate import wilson
 from trackprofile.models.kinematics import along_track
-from trackprofile.models.sensor import Installation
-from trackprofile.models.track import RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -108,12 +107,8 @@ class CrossEntropyResult:
 def cross_entropy(
     recording: xr.Dataset,
     vehicle: Vehicle,
+    settings: CrossEntropySettings | None = None,
     *,
-    installation: Installation | None = None,
-    track: Track | None = None,
-    search: SearchSettings | None = None,
-    evaluation: Evaluation = Evaluation.AFFINE,
-    seed: int = 0,
     progress: Progress | None = None,
 ) -> CrossEntropyResult:
     """Infer the profile whose simulated signals match the recording, by cross-entropy optimisation.
@@ -126,11 +121,7 @@ def cross_entropy(
     ----------
     recording : the recording contract, every sample valid
     vehicle : the vehicle that carries the sensors
-    installation : installation of the sensors, from a calibration; None uses the recording's description
-    track : track under the wheels; None is a rigid track
-    search : settings; None uses Table 5 of the paper for one channel and Table 6 for several
-    evaluation : how the signals of the trial profiles are computed
-    seed : seed of the random trial profiles
+    settings : installation, track, search, evaluation and seed; None uses the defaults
     progress : called with the stage and the share done after each phase
 
     Returns
@@ -144,20 +135,23 @@ def cross_entropy(
     ModelError
         Where the vehicle lacks the body of a sensor, or the time step is too long for it.
     """
-    installation, track = installation or Installation(), track or RigidTrack()
-    progress = progress or (lambda stage, share: None)
+    settings = settings or CrossEntropySettings()
+    installation, track = settings.installation, settings.track
     expect_as_described(recording, "the cross-entropy method")
     data = mean_observations(observations(recording, installation), vehicle, installation)
-    search = search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
+    search = settings.search or (TABLE_5 if len(data.sensors) == 1 else TABLE_6)
     scans, scan_notes = select_scans(data, installation, search)
     notes = (*describe_observations(data), *scan_notes)
     model = forward_model(
         vehicle, track, data.sensors, wilson(scans.step), scans.position, scans.speed
     )
     _check_reaction(model, search)
-    marching = _Marching(search, evaluation, np.random.default_rng(seed), progress)
+    marching = _Marching(
+        search, settings.evaluation, np.random.default_rng(settings.seed),
+        progress or (lambda stage, share: None),
+    )  # fmt: skip
     march = _march(model, scans, marching)
-    provenance = "; ".join([f"infer: {search}, seed {seed}", *notes])
+    provenance = "; ".join([f"infer: {search}, seed {settings.seed}", *notes])
     profile = build_profile(
         model.position[model.before : model.before + march.decided],
         march.elevation[model.before : model.before + march.decided],
@@ -168,7 +162,7 @@ def cross_entropy(
         vehicle=vehicle.name,
     )
     result = CrossEntropyResult(
-        with_provenance(profile, provenance),
+        append_provenance(profile, provenance),
         {
             one.name: signal
             for one, signal in zip(data.sensors, data.used.T, strict=True)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import Enum
 
 from trackprofile.errors import ModelError
+from trackprofile.models.sensor import Installation
+from trackprofile.models.track import RigidTrack, Track
 
 
 class Objective(Enum):
@@ -79,7 +81,7 @@ class SearchSettings:
         positive = ("standard_deviation", "threshold", "agreement", "generations")
         lowest = dict.fromkeys(positive, 0.0) | {"unknowns": 1, "runs": 1, "smoothing": -1e-300}
         highest = {"elite": 1.0, "smoothing": 1.0}
-        for name in (field.name for field in fields(self)):
+        for name in (one.name for one in fields(self)):
             value = getattr(self, name)
             low, high = lowest.get(name, -math.inf), highest.get(name, math.inf)
             if isinstance(value, int | float) and not low < value < high:
@@ -111,3 +113,23 @@ TABLE_5 = SearchSettings(0.25, 10, 0.0, 0.5e-3, 150, 0.1, 1e-15, Objective.SIGNA
 
 TABLE_6 = SearchSettings(0.833, 10, 0.0, 1e-3, 100, 0.1, 5e-17, Objective.SCAN)
 """Settings for Model B."""
+
+
+@dataclass(frozen=True)
+class CrossEntropySettings:
+    """Settings of the cross-entropy method.
+
+    Parameters
+    ----------
+    installation : installation of the sensors, from a calibration
+    track : track under the wheels
+    search : settings of the search; None uses Table 5 of the paper for one channel and Table 6 for several
+    evaluation : how the signals of the trial profiles are computed
+    seed : seed of the random trial profiles
+    """
+
+    installation: Installation = field(default_factory=Installation)
+    track: Track = field(default_factory=RigidTrack)
+    search: SearchSettings | None = None
+    evaluation: Evaluation = Evaluation.AFFINE
+    seed: int = 0
