@@ -17,6 +17,7 @@ from trackprofile.assessment.levels import BandLevel, not_assessed
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import words
 from trackprofile.positioning.chainage import ChainageTable
+from trackprofile.reporting import palette
 from trackprofile.reporting.contents import Report, differences, method
 from trackprofile.reporting.summary import changes_summary, headline, percent, summary
 
@@ -27,8 +28,6 @@ BANDS = 2  # in each strip, the shortest ones
 ROWS = 44  # of a table on a page
 WIDTH = 150  # characters of a line
 LINES = 46  # on a page of words
-
-_COLOURS = {Action.ALERT: "#E69F00", Action.INTERVENTION: "#D55E00", Action.IMMEDIATE_ACTION: "#B00020"}  # fmt: skip
 
 
 def write_pdf(report: Report, path: Path) -> None:
@@ -85,18 +84,24 @@ def _strip(
 ) -> None:
     inside = slice(*np.searchsorted(level.distance, [start, start + STRIP]))
     x, y, s = level.distance[inside], 1e3 * level.level[inside], 1e3 * level.deviation[inside]
-    axes.fill_between(x, y - 1.96 * s, y + 1.96 * s, color="#56B4E9", alpha=0.5, linewidth=0)
-    axes.plot(x, y, color="#0072B2", linewidth=0.6)
+    axes.fill_between(x, y - 1.96 * s, y + 1.96 * s, color=palette.INTERVAL, alpha=0.5, linewidth=0)
+    axes.plot(x, y, color=palette.LEVEL, linewidth=0.6)
     limits = found.limits.defects_at(level.band.name, found.speed)
     for action, height in (limits.heights if limits else {}).items():
         for sign in (-1, 1):
-            axes.axhline(sign * 1e3 * height, color=_COLOURS[action], linewidth=0.6, dashes=(5, 4))
+            axes.axhline(
+                sign * 1e3 * height, color=palette.ACTIONS[action], linewidth=0.6, dashes=(5, 4)
+            )
     for one in not_assessed(level):
         if one.end > start and one.start < start + STRIP:
-            axes.axvspan(max(one.start, start), min(one.end, start + STRIP), color="#BBBBBB", lw=0)
+            axes.axvspan(
+                max(one.start, start), min(one.end, start + STRIP), color=palette.MISSING, lw=0
+            )
     for one in found.defects:
         if one.band == level.band.name and one.likely and start <= one.peak < start + STRIP:
-            axes.axvspan(one.start, one.end, color=_COLOURS[one.likely], alpha=0.4, linewidth=0)
+            axes.axvspan(
+                one.start, one.end, color=palette.ACTIONS[one.likely], alpha=0.4, linewidth=0
+            )
     ticks = np.arange(start, start + STRIP + 1, 100.0)
     axes.set_xlim(start, start + STRIP)
     axes.set_xticks(ticks, [f"{one:.3f}" for one in way.kilometres(ticks)])

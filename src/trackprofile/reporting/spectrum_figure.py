@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from trackprofile.assessment.roughness import Psd
 from trackprofile.models.spectrum import Roughness
+from trackprofile.reporting import palette
 
 Array = NDArray[np.float64]
 Scale = Callable[[Array], Array]
@@ -19,7 +20,6 @@ LEFT, RIGHT, TOP, BOTTOM = 64.0, 150.0, 10.0, 34.0
 SHOWN = 5
 """Of the known spectra, the nearest."""
 
-COLOURS = ("#E69F00", "#009E73", "#CC79A7", "#D55E00", "#8C8C8C", "#56B4E9", "#999933", "#332288")
 TICKS = (3.0, 5.0, 10.0, 25.0, 50.0, 70.0)  # m
 
 
@@ -44,10 +44,13 @@ def drawing(found: Psd, known: Mapping[str, Roughness]) -> str:
 
     parts = _grid(x, y, omega, low, high)
     for number, (name, values) in enumerate(lines.items()):
-        colour = COLOURS[number % len(COLOURS)]
+        colour = palette.SPECTRA[number % len(palette.SPECTRA)]
         parts.append(_line(x(omega), y(values), colour, 1.2))
         parts.append(_key(number + 1, colour, name))
-    parts += [_line(x(omega), y(found.density), "#0072B2", 2.4), _key(0, "#0072B2", "this profile")]
+    parts += [
+        _line(x(omega), y(found.density), palette.LEVEL, 2.4),
+        _key(0, palette.LEVEL, "this profile"),
+    ]
     return (
         f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" style="max-width:{WIDTH:g}px;width:100%" role="img" '
         f'aria-label="power spectral density over wavelength" font-size="11">{"".join(parts)}</svg>'
@@ -59,7 +62,7 @@ def _grid(x: Scale, y: Scale, omega: Array, low: float, high: float) -> list[str
     parts = []
     for power in np.arange(low, high + 1):
         at = float(y(np.array(10.0**power)))
-        parts.append(f'<path d="M{LEFT} {at:.1f}H{right}" stroke="#e2e2e2"/>')
+        parts.append(f'<path d="M{LEFT} {at:.1f}H{right}" stroke="{palette.GRID}"/>')
         parts.append(
             f'<text x="{LEFT - 5}" y="{at + 4:.1f}" text-anchor="end">1e{power:.0f}</text>'
         )
@@ -67,7 +70,7 @@ def _grid(x: Scale, y: Scale, omega: Array, low: float, high: float) -> list[str
         place = 2 * np.pi / wavelength
         if omega[0] <= place <= omega[-1]:
             at = float(x(np.array(place)))
-            parts.append(f'<path d="M{at:.1f} {TOP}V{bottom}" stroke="#e2e2e2"/>')
+            parts.append(f'<path d="M{at:.1f} {TOP}V{bottom}" stroke="{palette.GRID}"/>')
             parts.append(
                 f'<text x="{at:.1f}" y="{bottom + 14}" text-anchor="middle">{wavelength:g} m</text>'
             )

@@ -10,6 +10,7 @@ from trackprofile.calibration.bandwidth import SpectralFit
 from trackprofile.calibration.calibrate import Calibration
 from trackprofile.calibration.likelihood_profiles import LikelihoodProfile, likelihood_profiles
 from trackprofile.models.sensor import Sensor
+from trackprofile.reporting import palette
 from trackprofile.reporting.figures.chart import COLOURS, ELEVATION, MEASURED, REPRODUCED, RESIDUAL
 
 _COLUMNS = 3
@@ -72,7 +73,7 @@ def _draw_spectrum(axes: Axes, sensor: Sensor, part: SpectralFit) -> None:
             part.stated**2, color=COLOURS[RESIDUAL], ls="--", lw=0.8, label="sensor's noise"
         )
     if part.highest > 0:
-        axes.axvline(part.highest, color="#555555", lw=0.8, ls=":", label="usable below")
+        axes.axvline(part.highest, color=palette.DARK_GREY, lw=0.8, ls=":", label="usable below")
     top = float(np.max(part.measured[1:]))
     axes.set_ylim(bottom=max(1e-8 * top, 0.3 * float(np.min(part.noise[1:]))), top=3 * top)
     axes.set_title(sensor.name, loc="left", fontsize=9, weight="bold")

@@ -20,6 +20,7 @@ from trackprofile.contracts import (
     select_rail,
 )
 from trackprofile.errors import DataError
+from trackprofile.reporting import palette
 
 Array = NDArray[np.float64]
 
@@ -36,19 +37,16 @@ _SHOWN_IN = {
 ELEVATION, INTERVAL, GAP = "elevation", "95 % interval", "no data"
 MEASURED, REPRODUCED, RESIDUAL = "measured", "reproduced", "residual"
 SIMULATED = "simulated"
-# Okabe and Ito (2008): told apart by colour-blind readers too.
 COLOURS = {
-    ELEVATION: "#0072B2",
-    INTERVAL: "#56B4E9",
-    MEASURED: "#8C8C8C",
-    REPRODUCED: "#D55E00",
-    RESIDUAL: "#009E73",
-    SIMULATED: "#555555",
-    GAP: "#BBBBBB",
+    ELEVATION: palette.LEVEL,
+    INTERVAL: palette.INTERVAL,
+    MEASURED: palette.GREY,
+    REPRODUCED: palette.VERMILION,
+    RESIDUAL: palette.GREEN,
+    SIMULATED: palette.DARK_GREY,
+    GAP: palette.MISSING,
 }
 WIDTHS = {ELEVATION: 1.2, MEASURED: 2.2, REPRODUCED: 0.8, RESIDUAL: 0.9}
-OTHERS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#8C8C8C")
-"""Colours, in their order, of lines that have none of their own."""
 OTHER_WIDTH = 0.9
 INTERVAL_OPACITY, GAP_OPACITY = 0.4, 0.35
 
@@ -66,7 +64,7 @@ class ChartLine:
     @property
     def colour(self) -> str:
         """As both drawings show it."""
-        return COLOURS.get(self.name, OTHERS[self.order % len(OTHERS)])
+        return COLOURS.get(self.name, palette.LINES[self.order % len(palette.LINES)])
 
     @property
     def width(self) -> float:

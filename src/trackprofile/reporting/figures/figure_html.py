@@ -8,6 +8,7 @@ from html import escape
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from trackprofile.reporting import palette
 from trackprofile.reporting.figures.chart import (
     COLOURS,
     GAP,
@@ -19,7 +20,6 @@ from trackprofile.reporting.figures.chart import (
 )
 
 _PANEL, _BETWEEN, _HEAD, _FOOT = 160, 36, 140, 50  # px
-_GRID = "#E5E5E5"
 
 
 def draw(chart: Chart) -> go.Figure:
@@ -39,9 +39,9 @@ def draw(chart: Chart) -> go.Figure:
     for start, stop in chart.gaps:
         look = {"fillcolor": COLOURS[GAP], "opacity": GAP_OPACITY, "line_width": 0}
         figure.add_vrect(start, stop, layer="below", row="all", col="all", **look)
-    figure.update_xaxes(gridcolor=_GRID, zeroline=False, showspikes=True, spikemode="across")
+    figure.update_xaxes(gridcolor=palette.GRID, zeroline=False, showspikes=True, spikemode="across")
     figure.update_xaxes(spikethickness=1, spikecolor="#999999", spikedash="solid")
-    figure.update_yaxes(gridcolor=_GRID, zerolinecolor="#AAAAAA", zerolinewidth=1)
+    figure.update_yaxes(gridcolor=palette.GRID, zerolinecolor="#AAAAAA", zerolinewidth=1)
     figure.update_xaxes(title_text="distance in m", row=len(heights))
     figure.update_layout(
         title={"text": f"<b>{chart.title}</b>", "subtitle": {"text": chart.note}},
@@ -52,7 +52,7 @@ def draw(chart: Chart) -> go.Figure:
         height=height,
         margin={"l": 80, "r": 24, "t": _HEAD, "b": _FOOT},
         template="plotly_white",
-        font={"family": "system-ui, Helvetica, Arial, sans-serif", "color": "#222222"},
+        font={"family": "system-ui, Helvetica, Arial, sans-serif", "color": palette.INK},
         hovermode="x",
     )
     return figure

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imsave
 
+from trackprofile.reporting import palette
 from trackprofile.reporting.figures.chart import (
     COLOURS,
     GAP,
@@ -23,7 +24,6 @@ from trackprofile.reporting.figures.chart import (
 _PANEL, _HEAD = 1.6, 1.3  # inches
 DPI = 150
 """Dots per inch of a PNG."""
-_QUIET = "#555555"
 
 
 def draw(chart: Chart) -> Figure:
@@ -51,7 +51,7 @@ def draw(chart: Chart) -> Figure:
         frameon=False,
         fontsize=9,
     )
-    figure.supxlabel(chart.note, x=0.008, ha="left", fontsize=8, color=_QUIET)
+    figure.supxlabel(chart.note, x=0.008, ha="left", fontsize=8, color=palette.DARK_GREY)
     _lay_out(figure)
     return figure
 
@@ -89,9 +89,9 @@ def _draw_panel(axes: Axes, panel: ChartPanel, gaps: Sequence[tuple[float, float
     for start, stop in gaps:
         axes.axvspan(start, stop, color=COLOURS[GAP], alpha=GAP_OPACITY, linewidth=0, label=GAP)
     axes.set_title(panel.name, loc="left", fontsize=9.5, weight="bold")
-    axes.set_title(panel.about, loc="right", fontsize=9, color=_QUIET)
+    axes.set_title(panel.about, loc="right", fontsize=9, color=palette.DARK_GREY)
     axes.set_ylabel(panel.unit, fontsize=9)
-    axes.grid(color="#E5E5E5", linewidth=0.6)
+    axes.grid(color=palette.GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8.5, color="#999999")
