@@ -8,7 +8,7 @@ from threading import Thread
 
 import httpx
 
-from trackprofile.server.serve import listener, server
+from trackprofile.server.serve import bind, server
 from trackprofile.store import Store
 
 
@@ -16,8 +16,8 @@ from trackprofile.store import Store
 def serving(
     store: Store, token: str | None = None, names: Sequence[str] = ()
 ) -> Iterator[httpx.Client]:
-    """A client of a server over a store, which says nothing but what it is told to."""
-    on = listener("127.0.0.1", 0, token, names)
+    """A client of a server of a store, without headers of its own."""
+    on = bind("127.0.0.1", 0, token, names)
     running = server(store, on)
     thread = Thread(target=running.run, kwargs={"sockets": [on.socket]})
     thread.start()

@@ -1,4 +1,4 @@
-"""What the server answers, against the same worked out from what is stored, the long way."""
+"""Answers of the server, compared with the same quantities computed directly from the stored tables."""
 
 from __future__ import annotations
 
@@ -32,26 +32,25 @@ from dated_passes import (
 from serving import serving
 from trackprofile.assessment.limits import Action
 from trackprofile.bands import BANDS, band_pass
-from trackprofile.server import history as places
-from trackprofile.server import line_catalogue as catalogue
-from trackprofile.server import requests as questions
+from trackprofile.server import history, line_catalogue
+from trackprofile.server import requests as server_requests
 from trackprofile.store import Store, create, find, lines, read_columns, table
 from trackprofile.store.layout import PassKey
 
 DAYS = [FIRST + timedelta(days=30 * month) for month in range(4)]
-GRAVITY = {"": 0, "alert": 1, "intervention": 2, "immediate action": 3}
+SEVERITY = {"": 0, "alert": 1, "intervention": 2, "immediate action": 3}
 LAST = {"line": MAIN, "direction": UP, "day": str(DAYS[-1])}
 
 
 @pytest.fixture(scope="module")
 def client(dated_store: Store) -> Iterator[httpx.Client]:
-    with serving(dated_store) as found:
-        yield found
+    with serving(dated_store) as running:
+        yield running
 
 
-def asked(client: httpx.Client, what: str, **params) -> dict:
+def ask(client: httpx.Client, endpoint: str, **params) -> dict:
     answer = client.get(
-        f"/api/{what}", params={key.rstrip("_"): one for key, one in params.items()}
+        f"/api/{endpoint}", params={key.rstrip("_"): one for key, one in params.items()}
     )
     assert answer.status_code == 200, answer.text
     return answer.json()
@@ -69,31 +68,33 @@ def known(values: list) -> np.ndarray:
 
 
 def test_lines_are_those_of_the_store(client: httpx.Client, dated_store: Store) -> None:
-    found = asked(client, "lines")
+    found = ask(client, "lines")
     assert [(one["line"], one["direction"], one["passes"]) for one in found["lines"]] == [
         (one.line, one.direction, one.passes) for one in lines(dated_store)
     ]
     assert found["lines"][1]["start_m"] == START
     assert [one["name"] for one in found["bands"]] == [one.name for one in BANDS]
-    assert found["locked"] is False
-    days = asked(client, "days", line=MAIN, direction=UP)["days"]
+    assert found["token_required"] is False
+    days = ask(client, "days", line=MAIN, direction=UP)["days"]
     assert days == [str(day) for day in DAYS]
 
 
-def test_passes_state_what_their_entries_do(client: httpx.Client, dated_store: Store) -> None:
-    found = asked(client, "passes", line=MAIN, direction=UP)["passes"]
+def test_passes_agree_with_the_entries_of_the_store(
+    client: httpx.Client, dated_store: Store
+) -> None:
+    found = ask(client, "passes", line=MAIN, direction=UP)["passes"]
     entries = find(dated_store, line=MAIN)
     assert [one["entry"] for one in found] == [one.id for one in entries]
     for one, entry in zip(found, entries, strict=True):
-        assert (one["day"], one["run"], one["limits"]) == (str(entry.day), entry.run, EN.name)
-        assert one["speed_km_h"] == pytest.approx(140.0)
-        assert one["deviation_mm"]["D2"] == pytest.approx(1e3 * entry.deviations["D2"])
-        assert sum(one["counts"].values()) == sum(entry.defects.values())
-    some = asked(client, "passes", line=MAIN, direction=UP, first=str(DAYS[1]), last=str(DAYS[2]))
+        assert (one["day"], one["run"], one["limit_set"]) == (str(entry.day), entry.run, EN.name)
+        assert one["line_speed_km_h"] == pytest.approx(140.0)
+        assert one["standard_deviation_mm"]["D2"] == pytest.approx(1e3 * entry.deviations["D2"])
+        assert sum(one["defect_counts"].values()) == sum(entry.defects.values())
+    some = ask(client, "passes", line=MAIN, direction=UP, first=str(DAYS[1]), last=str(DAYS[2]))
     assert [one["day"] for one in some["passes"]] == [str(DAYS[1]), str(DAYS[2])]
 
 
-# --- strips -------------------------------------------------------------------------------------
+# --- levels -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("band", ["D1", "D3"])
@@ -101,12 +102,12 @@ def test_passes_state_what_their_entries_do(client: httpx.Client, dated_store: S
     ("start", "end", "width"),
     [(0.0, LENGTH, 300), (1400.3, 1617.7, 400), (2350.0, 2700.0, 8000), (-500.0, 700.0, 50)],
 )
-def test_strip_is_least_and_greatest_of_every_bin(
+def test_level_is_minimum_and_maximum_in_every_bin(
     client: httpx.Client, dated_store: Store, band: str, start: float, end: float, width: int
 ) -> None:
     day = DAYS[2]  # the one with a gap
-    strip = asked(
-        client, "strip", **LAST | {"day": str(day)}, band=band, from_=START + start, to=START + end, width=width
+    strip = ask(
+        client, "level", **LAST | {"day": str(day)}, band=band, from_=START + start, to=START + end, max_bins=width
     )  # fmt: skip
     names = [f"level_{band}_m", f"standard_deviation_{band}_m"]
     rows = read_columns(dated_store, entry_of(dated_store, day), ["distance_m", *names])
@@ -114,7 +115,9 @@ def test_strip_is_least_and_greatest_of_every_bin(
     assert len(strip["low_mm"]) <= width
     assert strip["from_m"] <= START + start
     assert strip["to_m"] == edges[-1] > START + end - strip["bin_m"]
-    low, high, deviation = (known(strip[name]) for name in ("low_mm", "high_mm", "deviation_mm"))
+    low, high, deviation = (
+        known(strip[name]) for name in ("low_mm", "high_mm", "standard_deviation_mm")
+    )
     for i in range(low.size):
         inside = (rows["distance_m"] >= edges[i]) & (rows["distance_m"] < edges[i + 1])
         level = 1e3 * rows[names[0]][inside]
@@ -126,12 +129,12 @@ def test_strip_is_least_and_greatest_of_every_bin(
         assert deviation[i] == pytest.approx(1e3 * rows[names[1]][inside].max(), abs=6e-5)
 
 
-def test_strip_of_a_day_is_around_all_its_passes(client: httpx.Client, dated_store: Store) -> None:
+def test_level_of_a_day_encloses_all_its_passes(client: httpx.Client, dated_store: Store) -> None:
     asks = {"line": BRANCH, "direction": DOWN, "day": str(FIRST), "band": "D1"}
-    stretch = {"from": 1900, "to": 2600, "width": 100}
-    both = asked(client, "strip", **asks, **stretch)
+    stretch = {"from": 1900, "to": 2600, "max_bins": 100}
+    both = ask(client, "level", **asks, **stretch)
     entries = find(dated_store, line=BRANCH)
-    single = [asked(client, "strip", **asks, **stretch, entry=one.id) for one in entries]
+    single = [ask(client, "level", **asks, **stretch, entry=one.id) for one in entries]
     assert both["entries"] == [one.id for one in entries]
     for name, most in (("low_mm", np.fmin), ("high_mm", np.fmax)):
         expected = most(known(single[0][name]), known(single[1][name]))
@@ -140,10 +143,10 @@ def test_strip_of_a_day_is_around_all_its_passes(client: httpx.Client, dated_sto
     assert not np.isfinite(known(single[1]["low_mm"])).all()
 
 
-def test_strip_states_limits_and_what_is_not_judged(
+def test_level_states_limits_and_stretches_not_assessed(
     client: httpx.Client, dated_store: Store
 ) -> None:
-    strip = asked(client, "strip", **LAST, band="D1")
+    strip = ask(client, "level", **LAST, band="D1")
     heights = EN.defects_at("D1", SPEED).heights
     assert [(one["action"], one["height_mm"]) for one in strip["limits"]] == [
         (action.words, pytest.approx(1e3 * heights[action])) for action in Action
@@ -157,20 +160,20 @@ def test_strip_states_limits_and_what_is_not_judged(
         if band == "D1"
     ]
     assert [
-        (one["start_m"], one["end_m"], one["reasons"]) for one in strip["not_judged"]
+        (one["start_m"], one["end_m"], one["reasons"]) for one in strip["not_assessed"]
     ] == expected
-    # at this speed there are none in D2
-    assert asked(client, "strip", **LAST, band="D2")["limits"] == []
+    # the limit set has no limits for D2 at this speed
+    assert ask(client, "level", **LAST, band="D2")["limits"] == []
 
 
-def test_limits_are_known_where_nothing_is_near_them(tmp_path) -> None:
+def test_limits_are_given_without_any_defect(tmp_path) -> None:
     store = create(str(tmp_path / "calm"))
     calm = seen(0, 1000.0, seed=5)
     calm["elevation"] = calm["elevation"] * 0.01
     put(store, PassKey("calm", "up", FIRST), calm)
     with serving(store) as client:
-        strip = asked(client, "strip", line="calm", direction="up", day=str(FIRST), band="D1")
-        defects = asked(client, "defects", line="calm", direction="up", day=str(FIRST))
+        strip = ask(client, "level", line="calm", direction="up", day=str(FIRST), band="D1")
+        defects = ask(client, "defects", line="calm", direction="up", day=str(FIRST))
     assert [one["height_mm"] for one in strip["limits"]] == [8.0, 10.0, 23.0]
     assert (defects["total"], defects["counts"]) == (0, {})
 
@@ -183,61 +186,63 @@ def stored_defects(store: Store, day: date) -> list[dict]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def test_defects_are_all_there_gravest_first(client: httpx.Client, dated_store: Store) -> None:
-    found = asked(client, "defects", **LAST)
+def test_defects_are_complete_and_the_most_severe_come_first(
+    client: httpx.Client, dated_store: Store
+) -> None:
+    found = ask(client, "defects", **LAST)
     stored = stored_defects(dated_store, DAYS[-1])
     stored.sort(
-        key=lambda one: (-GRAVITY[one["likely"]], -abs(one["height_mm"]) / one["limit_alert_mm"])
+        key=lambda one: (-SEVERITY[one["likely"]], -abs(one["height_mm"]) / one["limit_alert_mm"])
     )
     assert [one["peak_m"] for one in found["defects"]] == [one["peak_m"] for one in stored]
     assert found["total"] == len(stored) >= 5
     for one, other in zip(found["defects"], stored, strict=True):
-        assert one["calls_for"] == other["likely"]
+        assert one["required_action"] == other["likely"]
         assert one["height_mm"] == other["height_mm"]
         assert one["probabilities"]["alert"] == other["probability_alert"]
         assert one["limits_mm"]["intervention"] == other["limit_intervention_mm"]
     counted = Counter(one["likely"] or "possible" for one in stored)
     assert found["counts"] == counted
-    assert found["duties"][0]["action"] == "immediate action"
+    assert found["requirements"][0]["action"] == "immediate action"
     assert any("not verified" in note for note in found["notes"])
 
 
-@pytest.mark.parametrize("order", ["gravest", "along"])
-def test_pages_of_defects_make_the_whole(client: httpx.Client, order: str) -> None:
-    whole = asked(client, "defects", **LAST, order=order)["defects"]
+@pytest.mark.parametrize("order", ["severity", "distance"])
+def test_pages_of_defects_add_up_to_the_whole(client: httpx.Client, order: str) -> None:
+    whole = ask(client, "defects", **LAST, order=order)["defects"]
     pages = [
         one
         for offset in range(0, len(whole) + 2, 2)
-        for one in asked(client, "defects", **LAST, order=order, offset=offset, count=2)["defects"]
+        for one in ask(client, "defects", **LAST, order=order, offset=offset, count=2)["defects"]
     ]
     assert pages == whole
-    if order == "along":
+    if order == "distance":
         assert [one["peak_m"] for one in whole] == sorted(one["peak_m"] for one in whole)
 
 
-def test_defects_are_filtered_by_place_band_and_action(
+def test_defects_are_filtered_by_stretch_band_and_action(
     client: httpx.Client, dated_store: Store
 ) -> None:
     stored = stored_defects(dated_store, DAYS[-1])
     start, end = START + 1400, START + 3300
-    near = asked(client, "defects", **LAST, from_=start, to=end, order="along")
+    near = ask(client, "defects", **LAST, from_=start, to=end, order="distance")
     assert [one["peak_m"] for one in near["defects"]] == sorted(
         one["peak_m"] for one in stored if one["end_m"] >= start and one["start_m"] <= end
     )
-    grave = asked(client, "defects", **LAST, least="intervention")
-    assert grave["total"] == sum(GRAVITY[one["likely"]] >= 2 for one in stored) < len(stored)
-    assert asked(client, "defects", **LAST, band="D2")["total"] == 0
+    grave = ask(client, "defects", **LAST, minimum_action="intervention")
+    assert grave["total"] == sum(SEVERITY[one["likely"]] >= 2 for one in stored) < len(stored)
+    assert ask(client, "defects", **LAST, band="D2")["total"] == 0
 
 
 def test_schematic_counts_every_defect_once(client: httpx.Client, dated_store: Store) -> None:
-    found = asked(client, "schematic", **LAST, bins=50)
+    found = ask(client, "schematic", **LAST, bins=50)
     stored = stored_defects(dated_store, DAYS[-1])
     size = (found["end_m"] - found["start_m"]) / 50
     expected = Counter(
         (int((one["peak_m"] - found["start_m"]) / size), one["likely"]) for one in stored
     )
     assert {
-        (round((one["start_m"] - found["start_m"]) / size), one["calls_for"]): one["places"]
+        (round((one["start_m"] - found["start_m"]) / size), one["required_action"]): one["defects"]
         for one in found["bins"]
     } == expected
     deepest = min(stored, key=lambda one: one["height_mm"])
@@ -256,35 +261,40 @@ def stored_sections(store: Store, day: date, band: str) -> list[tuple[float, flo
 def test_sections_are_the_worst_of_each_group(
     client: httpx.Client, dated_store: Store, count: int
 ) -> None:
-    found = asked(client, "sections", **LAST, band="D1", count=count)
+    found = ask(client, "sections", **LAST, band="D1", count=count)
     stored = stored_sections(dated_store, DAYS[-1], "D1")
     assert found["length_m"] == 200.0
     assert len(found["sections"]) <= count + 1  # groups begin at multiples of their length
     groups: dict[int, float] = {}
     for start, value in stored:
-        group = int(start // 200) // found["grouped"]
+        group = int(start // 200) // found["group_size"]
         groups[group] = max(value, groups.get(group, 0.0))
     assert [one["standard_deviation_mm"] for one in found["sections"]] == pytest.approx(
         [groups[key] for key in sorted(groups)], abs=6e-5
     )
 
 
-# --- places through time ------------------------------------------------------------------------
+# --- development and comparison ------------------------------------------------------------------------
 
 
 def true_rate(band: int) -> float:
-    """Of the place that settles, in mm a day, in a band."""
+    """Rate at the settling location in a band [mm/day]."""
     at = np.arange(0.0, LENGTH, 0.25)
     shape = band_pass(dip(at, SETTLES, 0.0025, 3.0), 0.25, BANDS[band])
     return 1e3 * shape[int(SETTLES / 0.25)] / 30
 
 
-def test_development_of_a_place_is_the_true_one(client: httpx.Client, dated_store: Store) -> None:
-    found = asked(client, "place", line=MAIN, direction=UP, band="D1", at=START + SETTLES)
+def test_development_of_a_location_agrees_with_the_simulated_settlement(
+    client: httpx.Client, dated_store: Store
+) -> None:
+    found = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + SETTLES)
     assert [one["day"] for one in found["passes"]] == [str(day) for day in DAYS]
     trend = found["trend"]
-    assert abs(trend["per_day_mm"] - true_rate(0)) < 4 * trend["per_day_deviation_mm"]
-    assert trend["per_day_deviation_mm"] < 0.1 * abs(true_rate(0))
+    assert (
+        abs(trend["rate_mm_per_day"] - true_rate(0))
+        < 4 * trend["rate_standard_deviation_mm_per_day"]
+    )
+    assert trend["rate_standard_deviation_mm_per_day"] < 0.1 * abs(true_rate(0))
     for day, level in zip(DAYS, found["level_mm"], strict=True):
         names = ["distance_m", "level_D1_m"]
         rows = read_columns(dated_store, entry_of(dated_store, day), names)
@@ -296,68 +306,78 @@ def test_development_of_a_place_is_the_true_one(client: httpx.Client, dated_stor
     slope = (ahead[-1]["level_mm"] - ahead[0]["level_mm"]) / (
         date.fromisoformat(ahead[-1]["day"]) - DAYS[0]
     ).days
-    assert slope == pytest.approx(trend["per_day_mm"], rel=1e-2)
-    last, limit = found["level_mm"][-1], found["reached"][0]
-    days = (limit["height_mm"] - abs(last)) / abs(trend["per_day_mm"])
+    assert slope == pytest.approx(trend["rate_mm_per_day"], rel=1e-2)
+    last, limit = found["level_mm"][-1], found["limit_crossings"][0]
+    days = (limit["height_mm"] - abs(last)) / abs(trend["rate_mm_per_day"])
     assert (date.fromisoformat(limit["median"]) - DAYS[-1]).days == pytest.approx(days, abs=12)
     assert limit["earliest"] <= limit["median"] <= limit["latest"]
 
 
-def test_a_pass_with_a_gap_there_is_named_with_its_reason(client: httpx.Client) -> None:
-    found = asked(client, "place", line=MAIN, direction=UP, band="D1", at=START + 2440)
-    assert [one["day"] for one in found["left_out"]] == [str(DAYS[2])]
-    assert "gap" in found["left_out"][0]["reason"]
-    since = asked(
-        client, "place", line=MAIN, direction=UP, band="D1", at=START + 800, since=str(DAYS[2])
+def test_a_pass_with_a_gap_at_the_location_is_excluded_with_its_reason(
+    client: httpx.Client,
+) -> None:
+    found = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + 2440)
+    assert [one["day"] for one in found["excluded"]] == [str(DAYS[2])]
+    assert "gap" in found["excluded"][0]["reason"]
+    since = ask(
+        client,
+        "development",
+        line=MAIN,
+        direction=UP,
+        band="D1",
+        at=START + 800,
+        since=str(DAYS[2]),
     )
     assert [one["day"] for one in since["passes"]] == [str(day) for day in DAYS[2:]]
 
 
-def test_passes_of_one_day_tell_no_rate(client: httpx.Client) -> None:
-    found = asked(client, "place", line=BRANCH, direction=DOWN, band="D1", at=2250)
+def test_passes_of_one_day_determine_no_rate(client: httpx.Client) -> None:
+    found = ask(client, "development", line=BRANCH, direction=DOWN, band="D1", at=2250)
     assert len(found["passes"]) == 2
     assert found["trend"] is None
-    assert found["forecast"] == found["reached"] == []
+    assert found["forecast"] == found["limit_crossings"] == []
 
 
-def test_many_passes_are_thinned_out_and_said_to_be(
+def test_of_many_passes_some_are_used_and_the_omitted_ones_counted(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(places, "MOST_PASSES", 3)
-    found = asked(client, "place", line=MAIN, direction=UP, band="D1", at=START + 800)
-    assert found["omitted"] == 1
+    monkeypatch.setattr(history, "MAX_PASSES", 3)
+    found = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + 800)
+    assert found["omitted_passes"] == 1
     assert [one["day"] for one in found["passes"]][::2] == [str(DAYS[0]), str(DAYS[-1])]
 
 
-def test_two_dates_differ_where_the_track_settled_and_nowhere_else(client: httpx.Client) -> None:
-    found = asked(
-        client, "compare", **LAST, other=str(DAYS[0]), band="D1", from_=START + 2700, to=START + 3700, width=8000
+def test_two_dates_differ_only_where_the_track_settled(client: httpx.Client) -> None:
+    found = ask(
+        client, "compare", **LAST, compared_day=str(DAYS[0]), band="D1", from_=START + 2700, to=START + 3700, max_bins=8000
     )  # fmt: skip
     assert (found["first_day"], found["second_day"]) == (str(DAYS[0]), str(DAYS[-1]))
-    assert [round(one["peak_m"] - START - SETTLES) for one in found["places"]] == [0]
-    place = found["places"][0]
-    assert abs(place["change_mm"] - 90 * true_rate(0)) < 4 * place["deviation_mm"]
+    assert [round(one["peak_m"] - START - SETTLES) for one in found["locations"]] == [0]
+    place = found["locations"][0]
+    assert abs(place["change_mm"] - 90 * true_rate(0)) < 4 * place["standard_deviation_mm"]
     strip = found["difference"]
     i = int((START + SETTLES - strip["from_m"]) / strip["bin_m"])
     assert strip["low_mm"][i] == pytest.approx(90 * true_rate(0), abs=0.5)
-    one = asked(client, "strip", **LAST, band="D1", from_=START + 2700, to=START + 3700, width=8000)
+    one = ask(
+        client, "level", **LAST, band="D1", from_=START + 2700, to=START + 3700, max_bins=8000
+    )
     assert found["second"]["low_mm"] == one["low_mm"]
-    # whichever is asked for first
-    other = asked(
-        client, "compare", **LAST | {"day": str(DAYS[0])}, other=str(DAYS[-1]), band="D1",
-        from_=START + 2700, to=START + 3700, width=8000,
+    # the order of the two days in the request makes no difference
+    other = ask(
+        client, "compare", **LAST | {"day": str(DAYS[0])}, compared_day=str(DAYS[-1]), band="D1",
+        from_=START + 2700, to=START + 3700, max_bins=8000,
     )  # fmt: skip
     assert other["difference"] == strip
 
 
-def test_far_apart_two_dates_are_compared_by_section(
+def test_over_a_long_stretch_two_dates_are_compared_by_section(
     client: httpx.Client, dated_store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(places, "CLOSEST", 1000.0)
-    found = asked(client, "compare", **LAST, other=str(DAYS[0]), band="D1")
+    monkeypatch.setattr(history, "MAX_POINTWISE_LENGTH", 1000.0)
+    found = ask(client, "compare", **LAST, compared_day=str(DAYS[0]), band="D1")
     before, after = (dict(stored_sections(dated_store, day, "D1")) for day in (DAYS[0], DAYS[-1]))
     strip = found["difference"]
-    assert (found["by_section"], strip["bin_m"]) == (200.0, 200.0)
+    assert (found["section_length_m"], strip["bin_m"]) == (200.0, 200.0)
     for start in before.keys() & after.keys():
         i = int((start + 100 - strip["from_m"]) / strip["bin_m"])
         assert strip["low_mm"][i] == pytest.approx(after[start] - before[start], abs=2e-3)
@@ -365,28 +385,28 @@ def test_far_apart_two_dates_are_compared_by_section(
     assert strip["from_m"] + 200 * worst <= START + SETTLES < strip["from_m"] + 200 * (worst + 1)
 
 
-def test_passes_that_do_not_look_alike_are_drawn_and_said_to_be_so(tmp_path) -> None:
+def test_passes_that_cannot_be_aligned_are_shown_with_a_note(tmp_path) -> None:
     store = create(str(tmp_path / "unlike"))
     for month in (0, 1):
         day = FIRST + timedelta(days=30 * month)
         put(store, PassKey("unlike", "up", day), seen(month, 800.0, seed=7 + month))
     with serving(store) as client:
-        found = asked(
-            client, "compare", line="unlike", direction="up", day=str(day), other=str(FIRST), band="D1"
+        found = ask(
+            client, "compare", line="unlike", direction="up", day=str(day), compared_day=str(FIRST), band="D1"
         )  # fmt: skip
     assert any("look like the first profile" in note for note in found["notes"])
-    assert found["places"] == []
+    assert found["locations"] == []
     assert any(one is not None for one in found["first"]["low_mm"])
 
 
 # --- data quality -------------------------------------------------------------------------------
 
 
-def test_quality_tells_the_gap_and_the_flags(client: httpx.Client, dated_store: Store) -> None:
-    found = asked(client, "quality", line=MAIN, direction=UP, band="D1", bins=300)
+def test_quality_shows_gap_and_flags(client: httpx.Client, dated_store: Store) -> None:
+    found = ask(client, "quality", line=MAIN, direction=UP, band="D1", bins=300)
     assert [one["day"] for one in found["passes"]] == [str(day) for day in DAYS]
     gapped = found["passes"][2]
-    lost = [i for i, one in enumerate(gapped["deviation_along_mm"]) if one is None]
+    lost = [i for i, one in enumerate(gapped["standard_deviation_along_mm"]) if one is None]
     assert lost == [121, 122, 123]  # of 20 m each, all of which lie between 2400 and 2480 m
     assert {one["name"] for one in gapped["flags"]} == {"gap", "edge", "slow"}
     assert {one["name"] for one in found["passes"][0]["flags"]} == {"edge"}
@@ -396,15 +416,15 @@ def test_quality_tells_the_gap_and_the_flags(client: httpx.Client, dated_store: 
     for i in (0, 100, 299):
         start = found["start_m"] + i * found["bin_m"]
         inside = (rows["distance_m"] >= start) & (rows["distance_m"] < start + found["bin_m"])
-        assert found["passes"][0]["deviation_along_mm"][i] == pytest.approx(
+        assert found["passes"][0]["standard_deviation_along_mm"][i] == pytest.approx(
             1e3 * rows[names[1]][inside].max(), rel=0.02
         )
 
 
-# --- versions, caches, and what is not there ----------------------------------------------------
+# --- versions, caches, and errors ----------------------------------------------------
 
 
-def test_an_earlier_version_is_still_answered_for(tmp_path) -> None:
+def test_an_earlier_version_can_still_be_requested(tmp_path) -> None:
     from trackprofile.assessment.assess import assess
     from trackprofile.store import add
 
@@ -418,10 +438,10 @@ def test_an_earlier_version_is_still_answered_for(tmp_path) -> None:
     ).entry  # fmt: skip
     with serving(store) as client:
         asks = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1"}
-        listed = asked(client, "passes", line="one", direction="up")["passes"]
+        listed = ask(client, "passes", line="one", direction="up")["passes"]
         latest, before = (
-            asked(client, "strip", **asks),
-            asked(client, "strip", **asks, entry=old.id),
+            ask(client, "level", **asks),
+            ask(client, "level", **asks, entry=old.id),
         )
     assert [one["entry"] for one in listed] == latest["entries"] == [new.id]
     assert known(latest["low_mm"]) == pytest.approx(
@@ -439,32 +459,34 @@ def test_the_same_recording_on_two_days_is_two_passes(tmp_path) -> None:
     other = add(store, later, profile, assess(profile, EN, SPEED), one.origin).entry
     assert other.id == one.id
     with serving(store) as client:
-        place = asked(client, "place", line="one", direction="up", band="D1", at=750)
-        two = asked(
-            client, "compare", line="one", direction="up", band="D1", day=str(later.day), other=str(FIRST)
+        place = ask(client, "development", line="one", direction="up", band="D1", at=750)
+        two = ask(
+            client, "compare", line="one", direction="up", band="D1", day=str(later.day), compared_day=str(FIRST)
         )  # fmt: skip
-    assert [told["day"] for told in place["passes"]] == [str(FIRST), str(later.day)]
+    assert [one["day"] for one in place["passes"]] == [str(FIRST), str(later.day)]
     assert np.nanmax(np.abs(known(two["difference"]["high_mm"]))) < 2e-3  # answered to 0.001
 
 
-def test_what_was_added_is_shown_after_a_while(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_added_pass_appears_after_the_cache_expires(
+    tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     store = create(str(tmp_path / "grows"))
     with serving(store) as client:
-        assert asked(client, "lines")["lines"] == []
+        assert ask(client, "lines")["lines"] == []
         put(store, PassKey("new", "up", FIRST), seen(0, 700.0))
-        assert asked(client, "lines")["lines"] == []
-    monkeypatch.setattr(catalogue, "LASTS", 0.0)
+        assert ask(client, "lines")["lines"] == []
+    monkeypatch.setattr(line_catalogue, "LIFETIME", 0.0)
     with serving(store) as client:
-        assert asked(client, "lines")["lines"][0]["line"] == "new"
+        assert ask(client, "lines")["lines"][0]["line"] == "new"
 
 
-def test_an_answer_that_the_reader_has_is_not_sent_again(client: httpx.Client) -> None:
-    asks = LAST | {"band": "D1", "width": "100"}
-    first = client.get("/api/strip", params=asks)
+def test_an_unchanged_answer_is_not_sent_again(client: httpx.Client) -> None:
+    asks = LAST | {"band": "D1", "max_bins": "100"}
+    first = client.get("/api/level", params=asks)
     tag = {"if-none-match": first.headers["etag"]}
-    again = client.get("/api/strip", params=asks, headers=tag)
+    again = client.get("/api/level", params=asks, headers=tag)
     assert (again.status_code, again.content) == (304, b"")
-    assert client.get("/api/strip", params=asks | {"band": "D2"}, headers=tag).status_code == 200
+    assert client.get("/api/level", params=asks | {"band": "D2"}, headers=tag).status_code == 200
     page = client.get("/static/main.js")
     tag = {"if-none-match": page.headers["etag"]}
     assert client.get("/static/main.js", headers=tag).status_code == 304
@@ -477,44 +499,44 @@ def test_head_is_get_without_a_body(client: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "params", "words"),
+    ("endpoint", "params", "words"),
     [
-        ("passes", {"line": "no", "direction": "up"}, "holds no line 'no'"),
-        ("strip", LAST | {"day": "2020-01-01", "band": "D1"}, "no pass of"),
-        ("strip", LAST | {"band": "D1", "entry": f"{16 * '0'}-{16 * '0'}"}, "no pass 0000"),
-        ("place", {"line": MAIN, "direction": UP, "band": "D1", "at": "5"}, "reaches 5.0 m"),
-        ("strip", LAST | {"band": "D1", "from": "90000"}, "not there"),
+        ("passes", {"line": "no", "direction": "up"}, "has no line 'no'"),
+        ("level", LAST | {"day": "2020-01-01", "band": "D1"}, "no pass of"),
+        ("level", LAST | {"band": "D1", "entry": f"{16 * '0'}-{16 * '0'}"}, "no pass 0000"),
+        ("development", {"line": MAIN, "direction": UP, "band": "D1", "at": "5"}, "covers 5.0 m"),
+        ("level", LAST | {"band": "D1", "from": "90000"}, "outside of the requested stretch"),
         (
             "quality",
             {"line": MAIN, "direction": UP, "band": "D1", "first": "2030-01-01"},
             "no pass",
         ),
-        ("nothing", {}, "nothing at this address"),
+        ("nothing", {}, "address does not exist"),
     ],
 )
-def test_what_is_not_there_is_said_in_a_sentence(
-    client: httpx.Client, what: str, params: dict[str, str], words: str
+def test_unknown_names_are_answered_with_one_sentence(
+    client: httpx.Client, endpoint: str, params: dict[str, str], words: str
 ) -> None:
-    answer = client.get(f"/api/{what}", params=params)
+    answer = client.get(f"/api/{endpoint}", params=params)
     assert answer.status_code == 404
     assert words in answer.json()["error"]
 
 
-def test_a_place_that_no_pass_tells_is_unusable(client: httpx.Client) -> None:
+def test_a_location_that_no_pass_determines_is_refused(client: httpx.Client) -> None:
     asks = {"line": BRANCH, "direction": DOWN, "band": "D3", "at": "5"}
-    answer = client.get("/api/place", params=asks)
+    answer = client.get("/api/development", params=asks)
     assert answer.status_code == 422
     assert "nothing is known in D3: edge" in answer.json()["error"]
 
 
-def test_a_damaged_store_is_told_without_its_path(tmp_path, capfd) -> None:
+def test_a_damaged_store_is_reported_without_its_path(tmp_path, capfd) -> None:
     store = create(str(tmp_path / "damaged"))
     entry = put(store, PassKey("one", "up", FIRST), seen(0, 700.0))
     file = tmp_path / "damaged" / entry.path("overviews")
     file.write_bytes(b"PAR1 is not enough")
     with serving(store) as client:
-        asks = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1", "width": "20"}
-        answer = client.get("/api/strip", params=asks)
+        asks = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1", "max_bins": "20"}
+        answer = client.get("/api/level", params=asks)
         assert client.get("/api/lines").status_code == 200
     assert answer.status_code == 500
     assert "store verify" in answer.json()["error"]
@@ -522,12 +544,12 @@ def test_a_damaged_store_is_told_without_its_path(tmp_path, capfd) -> None:
     assert "is damaged" in capfd.readouterr().err
 
 
-def test_every_question_is_described(client: httpx.Client) -> None:
+def test_every_endpoint_is_described(client: httpx.Client) -> None:
     described = client.get("/openapi.json").json()
     assert sorted(described["paths"]) == [
         f"/api/{one}"
         for one in (
-            "compare", "days", "defects", "lines", "passes", "place", "quality", "schematic", "sections", "strip",
+            "compare", "days", "defects", "development", "level", "lines", "passes", "quality", "schematic", "sections",
         )
     ]  # fmt: skip
     for path in described["paths"].values():
@@ -543,5 +565,5 @@ def test_every_question_is_described(client: httpx.Client) -> None:
     assert client.get("/docs").status_code == client.get("/redoc").status_code == 404
 
 
-def test_every_band_may_be_asked_for() -> None:
-    assert get_args(questions.Band) == tuple(one.name for one in BANDS)
+def test_every_band_may_be_requested() -> None:
+    assert get_args(server_requests.BandName) == tuple(one.name for one in BANDS)

@@ -1,4 +1,4 @@
-"""Who is let in, what is refused, and that nothing in a store can put script into the page."""
+"""Access control, refused requests, and that no content of a store becomes script in the web viewer."""
 
 from __future__ import annotations
 
@@ -24,30 +24,31 @@ from serving import serving
 from trackprofile.cli import main
 from trackprofile.errors import FileError
 from trackprofile.server import session
-from trackprofile.server.serve import listener
-from trackprofile.server.static_files import page_files
+from trackprofile.server.serve import bind
+from trackprofile.server.static_files import static_files
 from trackprofile.store import Store, create
 
 TOKEN = "a-token-of-many-letters-0123456789"
-STRIP = {"line": MAIN, "direction": UP, "day": str(FIRST), "band": "D1", "width": "50"}
+UPLOT_BANNER = "/*! https://github.com/leeoniya/uPlot (v1.6.32) */"
+LEVEL = {"line": MAIN, "direction": UP, "day": str(FIRST), "band": "D1", "max_bins": "50"}
 
 
 @pytest.fixture(scope="module")
 def client(dated_store: Store) -> Iterator[httpx.Client]:
-    """Of a server that asks for no token."""
+    """Client of a server without a token."""
     with serving(dated_store, names=["track.example.org"]) as found:
         yield found
 
 
 @pytest.fixture(scope="module")
 def locked(dated_store: Store) -> Iterator[httpx.Client]:
-    """Of a server that asks for a token."""
+    """Client of a server that requires a token."""
     with serving(dated_store, TOKEN) as found:
         yield found
 
 
 def raw(client: httpx.Client, target: str, *headers: str, method: str = "GET") -> tuple[int, str]:
-    """Status and text of a request that no client would write."""
+    """Status and text of a request that a client library would not send."""
     where = urlsplit(str(client.base_url))
     with socket.create_connection((where.hostname, where.port), timeout=20) as line:
         lines = [f"{method} {target} HTTP/1.1", *headers, "Connection: close", "", ""]
@@ -81,7 +82,7 @@ def raw(client: httpx.Client, target: str, *headers: str, method: str = "GET") -
         "/static/" + 300 * "a",
     ],
 )
-def test_no_path_leads_out_of_the_pages_own_files(client: httpx.Client, target: str) -> None:
+def test_no_path_leads_out_of_the_static_files(client: httpx.Client, target: str) -> None:
     status, text = raw(client, target, "Host: 127.0.0.1")
     assert status in (307, 400, 404, 414)
     assert "root:" not in text
@@ -96,7 +97,7 @@ def test_names_of_lines_are_never_paths(client: httpx.Client, name: str) -> None
     assert answer.json().keys() == {"error"}
 
 
-# --- who asks -----------------------------------------------------------------------------------
+# --- origin of a request -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -116,14 +117,12 @@ def test_names_of_lines_are_never_paths(client: httpx.Client, name: str) -> None
         ("", 421),
     ],
 )
-def test_a_name_that_was_rebound_to_this_address_is_refused(
-    client: httpx.Client, host: str, status: int
-) -> None:
+def test_an_unknown_host_name_is_refused(client: httpx.Client, host: str, status: int) -> None:
     assert raw(client, "/api/lines", f"Host: {host}")[0] == status
     assert raw(client, "/", f"Host: {host}")[0] == status
 
 
-def test_a_request_of_no_host_or_two_is_refused(client: httpx.Client) -> None:
+def test_a_request_without_host_or_with_two_is_refused(client: httpx.Client) -> None:
     assert raw(client, "/api/lines")[0] in (400, 421)
     assert raw(client, "/api/lines", "Host: 127.0.0.1", "Host: evil.example")[0] in (400, 421)
 
@@ -152,7 +151,7 @@ def test_a_page_of_another_origin_reads_nothing(
     assert not [name for name in answer.headers if name.startswith("access-control")]
 
 
-def test_a_link_from_elsewhere_opens_the_page_and_only_that(client: httpx.Client) -> None:
+def test_a_link_on_another_site_opens_only_the_viewer(client: httpx.Client) -> None:
     link = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
     assert client.get("/?view=line", headers=link).status_code == 200
     assert client.post("/logout", headers=link, json={}).status_code == 403
@@ -160,7 +159,7 @@ def test_a_link_from_elsewhere_opens_the_page_and_only_that(client: httpx.Client
     assert client.get("/static/main.js", headers=framed).status_code == 403
 
 
-def test_no_other_origin_is_ever_told_that_it_may_ask(client: httpx.Client) -> None:
+def test_no_answer_allows_another_origin(client: httpx.Client) -> None:
     asks = {"origin": "https://evil.example", "access-control-request-method": "GET"}
     answer = client.options("/api/lines", headers=asks)
     assert answer.status_code == 403
@@ -187,7 +186,7 @@ def test_no_other_origin_is_ever_told_that_it_may_ask(client: httpx.Client) -> N
         {"cookie": "trackprofile=; ="},
     ],
 )
-def test_without_the_token_nothing_is_told(
+def test_without_the_token_nothing_is_answered(
     locked: httpx.Client, path: str, headers: dict[str, str]
 ) -> None:
     locked.cookies.clear()
@@ -197,18 +196,18 @@ def test_without_the_token_nothing_is_told(
     assert answer.json().keys() == {"error"}
 
 
-def test_a_token_in_the_address_opens_nothing(locked: httpx.Client) -> None:
+def test_a_token_in_the_address_is_ignored(locked: httpx.Client) -> None:
     locked.cookies.clear()
     for name in ("token", "access_token", "authorization"):
         assert locked.get("/api/lines", params={name: TOKEN}).status_code == 401
 
 
-def test_the_token_opens_everything_as_a_header(locked: httpx.Client) -> None:
+def test_the_token_in_the_header_gives_access(locked: httpx.Client) -> None:
     locked.cookies.clear()
     for kind in ("Bearer", "bearer"):
         answer = locked.get("/api/lines", headers={"authorization": f"{kind} {TOKEN}"})
         assert answer.status_code == 200
-        assert answer.json()["locked"] is True
+        assert answer.json()["token_required"] is True
         assert "set-cookie" not in answer.headers
 
 
@@ -226,29 +225,29 @@ def test_logging_in_gives_a_cookie_that_is_not_the_token(locked: httpx.Client) -
     assert locked.get("/api/lines").status_code == 401
 
 
-def test_behind_a_proxy_with_tls_the_cookie_is_for_tls_alone(locked: httpx.Client) -> None:
+def test_behind_a_tls_proxy_the_cookie_is_secure(locked: httpx.Client) -> None:
     said = locked.post("/login", json={"token": TOKEN}, headers={"x-forwarded-proto": "https"})
     assert "Secure" in said.headers["set-cookie"]
     locked.cookies.clear()
 
 
-def test_sessions_end_and_cannot_be_lengthened() -> None:
+def test_sessions_expire_and_cannot_be_extended() -> None:
     value = session.new_session(TOKEN, now=1000.0)
-    assert session.token_matches(TOKEN, value, now=1000.0 + session.LASTS - 1)
-    assert not session.token_matches(TOKEN, value, now=1000.0 + session.LASTS + 1)
+    assert session.session_is_valid(TOKEN, value, now=1000.0 + session.SESSION_SECONDS - 1)
+    assert not session.session_is_valid(TOKEN, value, now=1000.0 + session.SESSION_SECONDS + 1)
     ends, _, signature = value.partition(".")
     other = signature.translate(str.maketrans("0123456789", "1234567890"))
     for forged in (
         f"{int(ends) + 9999}.{signature}", f"{ends}.{other}", f"{ends}.{signature[:-1]}", f"{ends}.", "", "x.y",
         f"-1.{signature}", f"١٢.{signature}",
     ):  # fmt: skip
-        assert not session.token_matches(TOKEN, forged, now=1000.0)
+        assert not session.session_is_valid(TOKEN, forged, now=1000.0)
 
 
-def test_the_page_itself_is_empty_and_needs_no_token(locked: httpx.Client) -> None:
+def test_the_files_of_the_viewer_need_no_token_and_contain_no_data(locked: httpx.Client) -> None:
     locked.cookies.clear()
     assert locked.get("/session").json() == {"open": False}
-    for path in ("/", "/static/main.js", "/static/page.css"):
+    for path in ("/", "/static/main.js", "/static/viewer.css"):
         answer = locked.get(path)
         assert answer.status_code == 200
         assert MAIN not in answer.text
@@ -257,7 +256,7 @@ def test_the_page_itself_is_empty_and_needs_no_token(locked: httpx.Client) -> No
 # --- size and form ------------------------------------------------------------------------------
 
 
-def test_what_is_too_large_is_refused(client: httpx.Client) -> None:
+def test_too_large_requests_are_refused(client: httpx.Client) -> None:
     assert client.get("/api/lines?" + "a" * 3000).status_code == 414
     assert raw(client, "/" + "a" * 30_000, "Host: 127.0.0.1")[0] in (400, 414, 431)
     assert raw(client, "/", "Host: 127.0.0.1", f"X-Long: {'a' * 30_000}")[0] in (400, 431)
@@ -274,10 +273,10 @@ def test_what_is_too_large_is_refused(client: httpx.Client) -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"width": "1000000000"},
-        {"width": "-1"},
-        {"width": "1.5"},
-        {"width": ""},
+        {"max_bins": "1000000000"},
+        {"max_bins": "-1"},
+        {"max_bins": "1.5"},
+        {"max_bins": ""},
         {"from": "nan"},
         {"from": "inf"},
         {"from": "1e400"},
@@ -297,10 +296,10 @@ def test_what_is_too_large_is_refused(client: httpx.Client) -> None:
     ],
     ids=str,
 )
-def test_malformed_questions_are_refused_in_one_sentence(
+def test_malformed_requests_are_refused_with_one_sentence(
     client: httpx.Client, wrong: dict[str, str]
 ) -> None:
-    answer = client.get("/api/strip", params=STRIP | wrong)
+    answer = client.get("/api/level", params=LEVEL | wrong)
     assert answer.status_code == 422
     assert answer.json().keys() == {"error"}
     sentence = answer.json()["error"]
@@ -311,13 +310,13 @@ def test_malformed_questions_are_refused_in_one_sentence(
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "PATCH", "DELETE", "TRACE", "PROPFIND"])
-def test_it_is_only_read_from(client: httpx.Client, method: str) -> None:
+def test_the_server_is_read_only(client: httpx.Client, method: str) -> None:
     for path in ("/api/lines", "/", "/static/main.js", "/openapi.json"):
         answer = client.request(method, path, headers={"content-length": "0"})
         assert answer.status_code == 405
 
 
-def test_nothing_that_was_asked_changed_the_store(dated_store: Store, client: httpx.Client) -> None:
+def test_no_request_changes_the_store(dated_store: Store, client: httpx.Client) -> None:
     def bytes_of() -> dict[str, str]:
         root = Path(dated_store.url)
         return {
@@ -327,26 +326,26 @@ def test_nothing_that_was_asked_changed_the_store(dated_store: Store, client: ht
         }
 
     before = bytes_of()
-    for what in (
+    for endpoint in (
         "lines",
         "passes",
-        "strip",
+        "level",
         "defects",
         "schematic",
         "sections",
         "quality",
-        "place",
+        "development",
     ):
-        client.get(f"/api/{what}", params=STRIP)
-        client.post(f"/api/{what}", json=STRIP)
+        client.get(f"/api/{endpoint}", params=LEVEL)
+        client.post(f"/api/{endpoint}", json=LEVEL)
     assert bytes_of() == before
 
 
-# --- what a browser is told ---------------------------------------------------------------------
+# --- security headers ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("path", ["/", "/static/main.js", "/api/lines", "/none", "/api/strip"])
-def test_every_answer_forbids_what_the_page_does_not_need(client: httpx.Client, path: str) -> None:
+@pytest.mark.parametrize("path", ["/", "/static/main.js", "/api/lines", "/none", "/api/level"])
+def test_every_answer_has_the_security_headers(client: httpx.Client, path: str) -> None:
     headers = client.get(path).headers
     policy = dict(
         part.strip().partition(" ")[::2] for part in headers["content-security-policy"].split(";")
@@ -362,10 +361,10 @@ def test_every_answer_forbids_what_the_page_does_not_need(client: httpx.Client, 
     assert refused["cache-control"] == "no-store"
 
 
-def test_the_page_has_no_inline_script_and_reads_no_markup() -> None:
-    for name, file in page_files().items():
+def test_the_viewer_has_no_inline_script_and_parses_no_markup() -> None:
+    for name, file in static_files().items():
         text = file.content.decode("utf-8")
-        assert not re.search(r"https?://", text), name
+        assert not re.search(r"https?://", text.removeprefix(UPLOT_BANNER)), name
         if name.endswith(".html"):
             assert not re.search(r"<script(?![^>]*\bsrc=)|<style|\son\w+=|\sstyle=", text), name
         for risky in (
@@ -375,7 +374,7 @@ def test_the_page_has_no_inline_script_and_reads_no_markup() -> None:
             assert risky not in text, name
 
 
-def test_answers_that_hold_markup_are_json_and_never_html(client: httpx.Client) -> None:
+def test_answers_that_contain_markup_are_json_and_never_html(client: httpx.Client) -> None:
     answer = client.get("/api/passes", params={"line": MAIN, "direction": UP})
     assert answer.headers["content-type"] == "application/json"
     assert answer.json()["passes"][0]["run"] == "<i>06:12</i>"
@@ -389,37 +388,37 @@ def test_answers_that_hold_markup_are_json_and_never_html(client: httpx.Client) 
 # --- listening ----------------------------------------------------------------------------------
 
 
-def test_this_machine_alone_needs_no_token_and_others_always_do() -> None:
-    for host, token, made in (
+def test_only_a_loopback_address_needs_no_token() -> None:
+    for host, token, generated in (
         ("127.0.0.1", None, False), ("localhost", None, False), ("0.0.0.0", None, True), ("0.0.0.0", TOKEN, False),
         ("127.0.0.1", TOKEN, False),
     ):  # fmt: skip
-        on = listener(host, 0, token)
+        on = bind(host, 0, token)
         on.socket.close()
-        assert on.made is made
-        assert (on.rules.token is None) is (token is None and not made)
-        if made:
-            assert len(str(on.rules.token)) >= 40
+        assert on.token_generated is generated
+        assert (on.settings.token is None) is (token is None and not generated)
+        if generated:
+            assert len(str(on.settings.token)) >= 40
 
 
-def test_a_port_that_is_taken_is_said_to_be() -> None:
-    on = listener("127.0.0.1", 0)
+def test_a_port_in_use_or_an_unknown_address_is_refused() -> None:
+    on = bind("127.0.0.1", 0)
     with on.socket, pytest.raises(FileError, match="choose another with --port"):
-        listener("127.0.0.1", on.socket.getsockname()[1])
-    with pytest.raises(FileError, match="no address of this machine"):
-        listener("no.such.host.invalid", 0)
+        bind("127.0.0.1", on.socket.getsockname()[1])
+    with pytest.raises(FileError, match="does not have the address"):
+        bind("no.such.host.invalid", 0)
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "cannot read it"),
+        (None, "cannot be read"),
         (b"short", "20 characters"),
         (b"two words of a long token", "one word"),
-        (b"\xff" * 30, "cannot read it"),
+        (b"\xff" * 30, "cannot be read"),
     ],
 )
-def test_a_token_file_that_holds_none_is_refused(
+def test_a_file_without_a_valid_token_is_refused(
     tmp_path: Path, content: bytes | None, words: str
 ) -> None:
     file = tmp_path / "token"
@@ -429,31 +428,31 @@ def test_a_token_file_that_holds_none_is_refused(
         session.read_token(file)
 
 
-def exits(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[object, str, str]:
+def exit_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[object, str, str]:
     with pytest.raises(SystemExit) as end:
         main(["serve", *arguments])
     out, err = capsys.readouterr()
     return end.value.code, out, err
 
 
-def test_a_store_that_is_not_there_or_newer_is_one_sentence(tmp_path: Path, capsys) -> None:
-    assert exits(capsys, "--store", str(tmp_path / "none"))[0] == 1
+def test_a_missing_or_newer_store_is_reported_in_one_sentence(tmp_path: Path, capsys) -> None:
+    assert exit_of(capsys, "--store", str(tmp_path / "none"))[0] == 1
     create(str(tmp_path / "newer"))
     (tmp_path / "newer" / "store.json").write_text('{"schema": 99}')
-    code, out, err = exits(capsys, "--store", str(tmp_path / "newer"))
+    code, out, err = exit_of(capsys, "--store", str(tmp_path / "newer"))
     assert (code, out) == (1, "")
     assert err.startswith("trackprofile: ")
     assert err.count("\n") == 1
     assert "schema 99" in err
 
 
-def test_without_the_libraries_one_sentence_says_how_to_get_them(
+def test_missing_libraries_are_reported_with_the_command_to_install_them(
     dated_store: Store, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("trackprofile.server")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "uvicorn", None)
-    code, _, err = exits(capsys, "--store", dated_store.url)
+    code, _, err = exit_of(capsys, "--store", dated_store.url)
     assert code == 1
     assert "pip install 'trackprofile[network]'" in err
 
@@ -461,9 +460,7 @@ def test_without_the_libraries_one_sentence_says_how_to_get_them(
 @pytest.mark.parametrize(
     "host", ["0.0.0.0", pytest.param("127.0.0.1", marks=pytest.mark.acceptance)]
 )
-def test_command_says_where_it_answers_and_ends_when_interrupted(
-    dated_store: Store, host: str
-) -> None:
+def test_serve_prints_its_address_and_ends_when_interrupted(dated_store: Store, host: str) -> None:
     command = [
         sys.executable,
         "-m",

@@ -41,7 +41,7 @@ def serve(
 ) -> None:
     """Show a store's lines in a browser, and as JSON to other programs; nothing is written."""
     try:
-        from trackprofile.server.serve import listener
+        from trackprofile.server.serve import bind
         from trackprofile.server.serve import serve as answer
     except ModuleNotFoundError as error:
         if str(error.name).startswith("trackprofile"):
@@ -55,11 +55,11 @@ def serve(
     there = open_store(store)
     lines(there)  # an entry that is damaged is told now
     token = None if token_file is None else read_token(token_file)
-    on = listener(host, port, token, name or ())
+    on = bind(host, port, token, name or ())
     if as_json:
-        show.as_one_object({"address": on.address, "token": on.rules.token if on.made else None})
+        show.as_one_object({"address": on.address, "token": on.settings.token if on.token_generated else None})
     else:
         show.say(f"Open {on.address} in a browser; Ctrl-C ends it.")
-        if on.made:
-            show.say(f"Token, said this once: {on.rules.token}")
+        if on.token_generated:
+            show.say(f"Token, said this once: {on.settings.token}")
     answer(there, on)

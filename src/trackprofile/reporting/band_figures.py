@@ -1,4 +1,4 @@
-"""What the page's charts draw, as compact arrays that its script unpacks."""
+"""Data of the report's charts, as compact arrays that its script unpacks."""
 
 from __future__ import annotations
 
@@ -18,109 +18,111 @@ from trackprofile.positioning.chainage import ChainageTable
 
 Array = NDArray[np.float64]
 
-STEP = 1e-5
-"""m of one count: a hundredth of a millimetre, up to a third of a metre."""
+UNIT = 1e-5
+"""One count of a packed level [m]; 16 bits reach from -0.33 m to 0.33 m."""
 
 UNKNOWN = -32768
-"""Count of a place that nobody knows."""
+"""Count of an unknown level."""
 
-EVERY = 4
-"""Points of the level for one of its deviation, which changes slowly."""
+DEVIATION_STRIDE = 4
+"""Points of the level for each point of its standard deviation, which changes slowly."""
 
-POST_EVERY = 10.0
-"""m between the places whose kilometrage the page knows."""
+CHAINAGE_STEP = 10.0
+"""Distance between the points of the chainage table [m]."""
+
+_MILLI = 1e3
 
 
-def chart_data(found: Assessment, way: ChainageTable, beside: Assessment | None) -> dict[str, Any]:
-    """All of the charts, ready for JSON.
+def chart_data(
+    assessment: Assessment, chainage: ChainageTable, compared: Assessment | None
+) -> dict[str, Any]:
+    """Data of all charts, ready for JSON.
 
     Parameters
     ----------
-    found : what is shown
-    way : where its places are
-    beside : another assessment of the same place, drawn below it
+    assessment : of the profile
+    chainage : kilometres of its distances
+    compared : assessment of another profile of the same track, drawn behind the first
     """
-    posts = np.arange(found.start, found.end + POST_EVERY, POST_EVERY)
+    at = np.arange(assessment.start, assessment.end + CHAINAGE_STEP, CHAINAGE_STEP)
     return {
-        "start": found.start,
-        "end": found.end,
-        "step": 1e3 * STEP,
-        "every": EVERY,
-        "post_every": POST_EVERY,
-        "kilometres": np.round(way.kilometres(posts), 4).tolist(),
+        "start_m": assessment.start,
+        "end_m": assessment.end,
+        "unit_mm": _MILLI * UNIT,
+        "deviation_stride": DEVIATION_STRIDE,
+        "chainage_step_m": CHAINAGE_STEP,
+        "chainage_km": np.round(chainage.kilometres(at), 4).tolist(),
         "bands": [
-            _band(found, level, beside.levels.get(name) if beside else None)
-            for name, level in found.levels.items()
+            _band(assessment, level, compared.levels.get(name) if compared else None)
+            for name, level in assessment.levels.items()
         ],
-        "sections": _sections(found),
+        "sections": _sections(assessment),
     }
 
 
-def _band(found: Assessment, level: BandLevel, beside: BandLevel | None) -> dict[str, Any]:
+def _band(
+    assessment: Assessment, level: BandLevel, compared: BandLevel | None
+) -> dict[str, Any]:
     name = level.band.name
-    limits = found.limits.defects_at(name, found.speed)
+    limits = assessment.limits.defects_at(name, assessment.speed)
     heights: Mapping[Any, float] = limits.heights if limits else {}
-    first = float(level.distance[0])
+    other = resample(compared.distance, compared.level, level.distance) if compared else None
     return {
         "name": name,
-        "about": f"{level.band.shortest:g} to {level.band.longest:g} m",
-        "first": first,
-        "spacing": level.spacing,
+        "first_m": float(level.distance[0]),
+        "spacing_m": level.spacing,
         "level": packed(level.level),
-        "deviation": packed(level.deviation[::EVERY]) if level.stated else "",
-        "beside": packed(resample(beside.distance, beside.level, level.distance)) if beside else "",
-        "limits": [[words(action), 1e3 * height] for action, height in sorted(heights.items())],
-        "untold": [
-            [one.start, one.end, one.reasons.words] for one in not_assessed(level)
+        "standard_deviation": packed(level.deviation[::DEVIATION_STRIDE]) if level.stated else "",
+        "compared": "" if other is None else packed(other),
+        "limits": [
+            {"action": words(action), "height_mm": _MILLI * height}
+            for action, height in sorted(heights.items())
         ],
-        "defects": [_defect(one) for one in found.defects if one.band == name],
-    }  # fmt: skip
+        "not_assessed": [
+            {"start_m": one.start, "end_m": one.end, "reasons": one.reasons.words}
+            for one in not_assessed(level)
+        ],
+        "defects": [_defect(one) for one in assessment.defects if one.band == name],
+    }
 
 
-def _defect(one: Defect) -> list[Any]:
-    grade = int(one.likely) if one.likely else 0
+def _defect(one: Defect) -> dict[str, Any]:
+    return {
+        "start_m": round(one.start, 2),
+        "peak_m": round(one.peak, 2),
+        "end_m": round(one.end, 2),
+        "height_mm": round(_MILLI * one.height, 2),
+        "required_action": one.likely.words if one.likely else "",
+    }
+
+
+def _sections(assessment: Assessment) -> list[dict[str, Any]]:
+    """The longest sections of the first band, which quality classes are defined for."""
+    sections = [one for one in assessment.sections if one.band == next(iter(assessment.levels))]
+    length = max((one.length for one in sections), default=0.0)
     return [
-        round(one.start, 2),
-        round(one.peak, 2),
-        round(one.end, 2),
-        round(1e3 * one.height, 2),
-        grade,
+        {
+            "start_m": one.start,
+            "end_m": one.end,
+            "standard_deviation_mm": round(_MILLI * one.standard_deviation, 3),
+            "low_mm": round(_MILLI * one.low, 3),
+            "high_mm": round(_MILLI * one.high, 3),
+            "quality_class": one.quality_class,
+            "class_number": one.classes.names.index(one.quality_class) if one.classes else -1,
+        }
+        for one in sections
+        if one.length == length
     ]
 
 
-def _sections(found: Assessment) -> dict[str, Any]:
-    """Of the shortest band and the longest sections, which classes are made for."""
-    ones = [one for one in found.sections if one.band == next(iter(found.levels))]
-    length = max((one.length for one in ones), default=0.0)
-    ones = [one for one in ones if one.length == length]
-    classes = ones[0].classes.names if ones and ones[0].classes else ()
-    return {
-        "band": ones[0].band if ones else "",
-        "length": length,
-        "classes": list(classes),
-        "rows": [
-            [
-                one.start,
-                one.end,
-                *(
-                    round(1e3 * value, 3)
-                    for value in (one.standard_deviation, one.low, one.high)
-                ),
-                classes.index(one.quality_class) if classes else -1,
-            ]
-            for one in ones
-        ],
-    }  # fmt: skip
-
-
 def packed(values: Array) -> str:
-    """Counts of `STEP` as 16-bit integers, the lower byte first, in base 64.
+    """Values as 16-bit counts of `UNIT`, the lower byte first, in base 64; NaN as `UNKNOWN`.
 
     Examples
     --------
     >>> np.frombuffer(base64.b64decode(packed(np.array([1e-3, np.nan]))), "<i2").tolist()
     [100, -32768]
     """
-    counts = np.clip(np.round(np.nan_to_num(values) / STEP), UNKNOWN + 1, -UNKNOWN - 1)
+    counts = np.clip(np.round(np.nan_to_num(values) / UNIT), UNKNOWN + 1, -UNKNOWN - 1)
     counts[np.isnan(values)] = UNKNOWN
     return base64.b64encode(counts.astype("<i2").tobytes()).decode("ascii")

@@ -1,4 +1,4 @@
-"""The page over a store, and the same figures as JSON for other programs: read-only, from this server alone.
+"""Web viewer of a store, and the same data as JSON for other programs; read-only, without any other server.
 
-`app.page_app` makes the application (ASGI), `listen.serve` runs it. It needs the extra ``network``.
+`app.viewer_app` builds the ASGI application, `serve.serve` runs it. The package needs the extra ``network``.
 """

@@ -1,4 +1,4 @@
-"""The application: the page's files, the questions at ``/api``, and what is said when one cannot be answered."""
+"""The ASGI application: files of the web viewer, endpoints at ``/api``, login, and the answers to errors."""
 
 from __future__ import annotations
 
@@ -17,43 +17,43 @@ from starlette.types import ASGIApp
 
 from trackprofile import __version__
 from trackprofile.errors import DataError, FileError
-from trackprofile.server.endpoints import UnchangedError, endpoints
-from trackprofile.server.line_catalogue import Catalogue, UnknownError
+from trackprofile.server.endpoints import NotModifiedError, endpoints
+from trackprofile.server.line_catalogue import LineCatalogue, UnknownError
 from trackprofile.server.security import (
-    LARGEST_BODY,
+    MAX_BODY_BYTES,
     SecurityMiddleware,
     SecuritySettings,
     may_read,
 )
-from trackprofile.server.session import COOKIE, LASTS, new_session, session_is_valid
-from trackprofile.server.static_files import page_files
+from trackprofile.server.session import COOKIE, SESSION_SECONDS, new_session, token_matches
+from trackprofile.server.static_files import static_files
 from trackprofile.store import Store
 
 THREADS = 6
-"""Questions that are worked on at once; the others wait, and memory stays within bounds."""
+"""Number of requests that are worked on at once; others wait, so that memory is bounded."""
 
 
 class Login(BaseModel):
-    """What is sent to log in."""
+    """Body of a login request."""
 
     model_config = ConfigDict(extra="forbid")
 
-    token: str = Field(min_length=1, max_length=LARGEST_BODY)
+    token: str = Field(min_length=1, max_length=MAX_BODY_BYTES)
 
 
-def page_app(store: Store, rules: SecuritySettings) -> ASGIApp:
-    """The page over a store, and its figures as JSON, behind the gate.
+def viewer_app(store: Store, settings: SecuritySettings) -> ASGIApp:
+    """The web viewer of a store and its data as JSON, behind the security checks.
 
     Parameters
     ----------
-    store : that is read; nothing here writes
-    rules : of the gate
+    store : store to read; the application writes nothing
+    settings : of the security checks
 
     Examples
     --------
     >>> from trackprofile.store import create
-    >>> gate = page_app(create("memory://example-of-page-app"), Rules())
-    >>> sorted(gate.inner.openapi()["paths"])[0]
+    >>> app = viewer_app(create("memory://example-of-viewer-app"), SecuritySettings())
+    >>> sorted(app.inner.openapi()["paths"])[0]
     '/api/compare'
     """
     app = FastAPI(
@@ -66,11 +66,11 @@ def page_app(store: Store, rules: SecuritySettings) -> ASGIApp:
         lifespan=_lifespan,
     )
     app.add_middleware(GZipMiddleware, minimum_size=1000, compresslevel=4)
-    app.include_router(endpoints(Catalogue(store), locked=rules.token is not None))
+    app.include_router(endpoints(LineCatalogue(store), token_required=settings.token is not None))
     _add_files(app)
-    _add_login(app, rules.token)
+    _add_login(app, settings.token)
     _add_errors(app)
-    return SecurityMiddleware(app, rules)
+    return SecurityMiddleware(app, settings)
 
 
 @asynccontextmanager
@@ -80,9 +80,9 @@ async def _lifespan(_: FastAPI) -> AsyncIterator[None]:
 
 
 def _add_files(app: FastAPI) -> None:
-    known = page_files()
+    known = static_files()
 
-    def sent(name: str, request: Request) -> Response:
+    def answer(name: str, request: Request) -> Response:
         file = known.get(name)
         if file is None:
             raise HTTPException(404)
@@ -92,12 +92,12 @@ def _add_files(app: FastAPI) -> None:
         return Response(file.content, media_type=file.media_type, headers=headers)
 
     @app.get("/", include_in_schema=False)
-    async def page(request: Request) -> Response:
-        return sent("index.html", request)
+    async def viewer(request: Request) -> Response:
+        return answer("index.html", request)
 
-    @app.get("/static/{name}", include_in_schema=False)
+    @app.get("/static/{name:path}", include_in_schema=False)
     async def static(name: str, request: Request) -> Response:
-        return sent(name, request)
+        return answer(name, request)
 
 
 def _add_login(app: FastAPI, token: str | None) -> None:
@@ -106,12 +106,12 @@ def _add_login(app: FastAPI, token: str | None) -> None:
         return JSONResponse({"open": may_read(request.headers, token)})
 
     @app.post("/login", include_in_schema=False)
-    async def login(said: Login, request: Request) -> Response:
-        if token is None or not session_is_valid(token, said.token):
-            return _problem(401, "That is not the token.")
+    async def login(body: Login, request: Request) -> Response:
+        if token is None or not token_matches(token, body.token):
+            return _error(401, "The token is wrong.")
         response = JSONResponse({})
         response.set_cookie(
-            COOKIE, new_session(token), max_age=LASTS, httponly=True, samesite="strict",
+            COOKIE, new_session(token), max_age=SESSION_SECONDS, httponly=True, samesite="strict",
             secure=request.url.scheme == "https",
         )  # fmt: skip
         return response
@@ -126,44 +126,42 @@ def _add_login(app: FastAPI, token: str | None) -> None:
 def _add_errors(app: FastAPI) -> None:
     @app.exception_handler(UnknownError)
     async def unknown(_: Request, error: Exception) -> Response:
-        return _problem(404, str(error))
+        return _error(404, str(error))
 
     @app.exception_handler(DataError)
     async def unusable(_: Request, error: Exception) -> Response:
-        return _problem(422, str(error))
+        return _error(422, str(error))
 
     @app.exception_handler(RequestValidationError)
     async def malformed(_: Request, error: Exception) -> Response:
         assert isinstance(error, RequestValidationError)
-        return _problem(422, _in_words(error))
+        return _error(422, _first_error(error))
 
     @app.exception_handler(HTTPException)
     async def refused(_: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
-        words = {404: "There is nothing at this address.", 405: "This server is only read from."}
-        sentence = words.get(error.status_code, str(error.detail))
-        return _problem(error.status_code, sentence, dict(error.headers or {}))
+        sentences = {404: "This address does not exist.", 405: "This server is read-only."}
+        sentence = sentences.get(error.status_code, str(error.detail))
+        return _error(error.status_code, sentence, dict(error.headers or {}))
 
-    @app.exception_handler(UnchangedError)
-    async def unchanged(_: Request, error: Exception) -> Response:
-        assert isinstance(error, UnchangedError)
+    @app.exception_handler(NotModifiedError)
+    async def not_modified(_: Request, error: Exception) -> Response:
+        assert isinstance(error, NotModifiedError)
         headers = {"etag": error.tag, "cache-control": "private, no-cache"}
         return Response(status_code=304, headers=headers)
 
     @app.exception_handler(FileError)
     async def damaged(_: Request, error: Exception) -> Response:
         print(f"trackprofile: {error}", file=sys.stderr)  # noqa: T201
-        return _problem(
-            500, "The store cannot be read here; see what trackprofile store verify says."
-        )
+        return _error(500, "The store cannot be read; run: trackprofile store verify.")
 
 
-def _in_words(error: RequestValidationError) -> str:
-    """The first thing that is wrong with a question, without what was asked: it may be of any length."""
+def _first_error(error: RequestValidationError) -> str:
+    """The first error of a request, without the value, which may be of any length."""
     first = error.errors()[0]
-    place = ".".join(str(one) for one in first["loc"][1:])[:60] or "the question"
-    return f"{place}: {first['msg'][:200]}."
+    parameter = ".".join(str(one) for one in first["loc"][1:])[:60] or "the request"
+    return f"{parameter}: {first['msg'][:200]}."
 
 
-def _problem(status: int, sentence: str, headers: dict[str, str] | None = None) -> JSONResponse:
+def _error(status: int, sentence: str, headers: dict[str, str] | None = None) -> JSONResponse:
     return JSONResponse({"error": " ".join(sentence.split())}, status, headers)

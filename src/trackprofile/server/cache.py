@@ -1,49 +1,46 @@
-"""What was worked out lately, so that it is not worked out for every question."""
+"""A cache of values that requests have computed, safe for many threads."""
 
 from __future__ import annotations
 
-import time
-from collections import OrderedDict
-from collections.abc import Callable, Hashable
+import math
+from collections.abc import Callable, Hashable, MutableMapping
 from threading import Lock
-from typing import TypeVar
+from typing import Any, TypeVar
+
+from cachetools import TTLCache
 
 Value = TypeVar("Value")
 
 
 class Cache:
-    """Some values by their keys, the least used forgotten first; safe for many threads.
+    """Values by key; the least recently used is dropped first, and each expires after some time.
 
     Parameters
     ----------
-    most : values that are kept
-    lasts : s after which a value is worked out again
+    max_values : maximum number of values
+    lifetime : time after which a value is computed again [s]
 
     Examples
     --------
-    >>> memory = Memory(most=1)
-    >>> memory.recall("a", lambda: 1), memory.recall("a", lambda: 2), memory.recall("b", lambda: 3)
+    >>> cache = Cache(max_values=1)
+    >>> cache.get("a", lambda: 1), cache.get("a", lambda: 2), cache.get("b", lambda: 3)
     (1, 1, 3)
-    >>> memory.recall("a", lambda: 4)
+    >>> cache.get("a", lambda: 4)
     4
     """
 
-    def __init__(self, most: int, lasts: float = float("inf")) -> None:
-        self.most, self.lasts = most, lasts
-        self._known: OrderedDict[Hashable, tuple[float, object]] = OrderedDict()
+    def __init__(self, max_values: int, lifetime: float = math.inf) -> None:
+        self._values: MutableMapping[Hashable, Any] = TTLCache(max_values, lifetime)
         self._lock = Lock()
 
-    def recall(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """The value of a key, made now if it is not known."""
+    def get(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """Value of a key, computed if the cache does not have it; threads may compute it at the same time."""
         with self._lock:
-            made, value = self._known.get(key, (0.0, None))
-            if key in self._known and time.monotonic() - made <= self.lasts:
-                self._known.move_to_end(key)
-                return value  # type: ignore[return-value]
-        new = make()
+            try:
+                return self._values[key]
+            except KeyError:
+                pass
+        value = compute()
         with self._lock:
-            self._known[key] = (time.monotonic(), new)
-            self._known.move_to_end(key)
-            while len(self._known) > self.most:
-                self._known.popitem(last=False)
-        return new
+            self._values[key] = value
+        return value

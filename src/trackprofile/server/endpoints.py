@@ -1,9 +1,9 @@
-"""What can be asked at ``/api``: each endpoint is one question and one answer."""
+"""Endpoints at ``/api``: each answers one kind of request about a store."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
+from datetime import date
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
@@ -11,55 +11,61 @@ from fastapi import APIRouter, Query, Request, Response
 from trackprofile import __version__
 from trackprofile.assessment.limits import KM_H
 from trackprofile.bands import BANDS
+from trackprofile.contracts.identity import digest
 from trackprofile.server import assessment_rows as rows
-from trackprofile.server import chart_data as strips
-from trackprofile.server import history as places
-from trackprofile.server import requests as ask
-from trackprofile.server import responses as models
-from trackprofile.server.data_quality import quality as quality_of
-from trackprofile.server.line_catalogue import Catalogue, UnknownError
+from trackprofile.server import requests, responses
+from trackprofile.server.chart_data import (
+    envelope_response,
+    merge_passes,
+    not_assessed_stretches,
+)
+from trackprofile.server.data_quality import quality_response
+from trackprofile.server.history import band_of, comparison_response, development_response
+from trackprofile.server.line_catalogue import LineCatalogue, UnknownError
 from trackprofile.store import Entry
 from trackprofile.store.layout import ENTRIES
 
-MOST_PASSES = 1000
-"""In one list: the latest."""
+MAX_PASSES = 1000
+"""Maximum number of passes in one list: the latest."""
 
+_TAG_DIGITS = 24
 _MILLI = 1e3
 
 
-class UnchangedError(Exception):
-    """The reader has the answer already."""
+class NotModifiedError(Exception):
+    """The client already has the answer, which its entity tag identifies."""
 
     def __init__(self, tag: str) -> None:
         super().__init__(tag)
         self.tag = tag
 
 
-def endpoints(catalogue: Catalogue, *, locked: bool) -> APIRouter:
-    """All questions about a store.
+def endpoints(catalogue: LineCatalogue, *, token_required: bool) -> APIRouter:
+    """All endpoints of a store.
 
     Parameters
     ----------
-    catalogue : of the store
-    locked : whether a token is asked for
+    catalogue : lines and passes of the store
+    token_required : whether the server requires a token; the viewer shows how to log out
     """
     router = APIRouter(prefix="/api", responses={
-        status: {"model": models.ErrorResponse} for status in (401, 403, 404, 414, 421, 422, 500)
+        status: {"model": responses.ErrorResponse}
+        for status in (401, 403, 404, 414, 421, 422, 500)
     })  # fmt: skip
-    _add_lists(router, catalogue, locked)
-    _add_strips(router, catalogue)
+    _add_lists(router, catalogue, token_required)
+    _add_levels(router, catalogue)
     _add_tables(router, catalogue)
-    _add_times(router, catalogue)
+    _add_development(router, catalogue)
     return router
 
 
-def _add_lists(router: APIRouter, catalogue: Catalogue, locked: bool) -> None:
+def _add_lists(router: APIRouter, catalogue: LineCatalogue, token_required: bool) -> None:
     @router.get("/lines")
-    def lines() -> models.Lines:
-        """Which lines and directions there are."""
-        return models.Lines(
+    def lines() -> responses.Lines:
+        """Lines and directions of the store."""
+        return responses.Lines(
             lines=[
-                models.LineInfo(
+                responses.LineInfo(
                     line=one.line,
                     direction=one.direction,
                     start_m=one.start,
@@ -71,171 +77,192 @@ def _add_lists(router: APIRouter, catalogue: Catalogue, locked: bool) -> None:
                 for one in catalogue.lines()
             ],
             bands=[
-                models.BandName(name=one.name, shortest_m=one.shortest, longest_m=one.longest)
+                responses.BandName(name=one.name, shortest_m=one.shortest, longest_m=one.longest)
                 for one in BANDS
             ],
-            locked=locked,
+            token_required=token_required,
         )
 
     @router.get("/days")
-    def days(asked: Annotated[ask.LineQuestion, Query()]) -> models.Days:
-        """On which days a line was passed in one direction."""
-        return models.Days(days=list(catalogue.line(asked.line, asked.direction).days))
+    def days(asked: Annotated[requests.LineParameters, Query()]) -> responses.Days:
+        """Days with passes over a line in one direction."""
+        return responses.Days(days=list(catalogue.line(asked.line, asked.direction).days))
 
     @router.get("/passes")
-    def passes(asked: Annotated[ask.PassesQuestion, Query()]) -> models.Passes:
-        """Which passes there are over a line in one direction, each in its newest version."""
-        found = catalogue.passes(asked.line, asked.direction, asked.first, asked.last)
-        return models.Passes(
-            passes=[_pass_info(one) for one in found[-MOST_PASSES:]],
-            omitted=max(0, len(found) - MOST_PASSES),
+    def passes(asked: Annotated[requests.PassesParameters, Query()]) -> responses.Passes:
+        """Passes over a line in one direction, each in its newest version."""
+        entries = catalogue.passes(asked.line, asked.direction, asked.first, asked.last)
+        return responses.Passes(
+            passes=[_pass_info(one) for one in entries[-MAX_PASSES:]],
+            omitted_passes=max(0, len(entries) - MAX_PASSES),
         )
 
     @router.get("/quality")
     def quality(
-        asked: Annotated[ask.QualityQuestion, Query()], request: Request, response: Response
-    ) -> models.QualityResponse:
-        """How much of a line its passes tell, and how well."""
-        found = catalogue.passes(asked.line, asked.direction, asked.first, asked.last)
-        if not found:
-            raise UnknownError("There is no pass within these days.")
-        _tag(request, response, found)
-        return quality_of(catalogue, found, asked.band, asked.bins)
+        asked: Annotated[requests.QualityParameters, Query()], request: Request, response: Response
+    ) -> responses.QualityResponse:
+        """Coverage and uncertainty of the passes over a line."""
+        entries = _passes(catalogue, asked, asked.first, asked.last)
+        _add_tag(request, response, entries)
+        return quality_response(catalogue, entries, asked.band, asked.bins)
 
 
-def _add_strips(router: APIRouter, catalogue: Catalogue) -> None:
-    @router.get("/strip")
-    def strip(
-        asked: Annotated[ask.StripQuestion, Query()], request: Request, response: Response
-    ) -> models.EnvelopeResponse:
-        """The level in a band with its uncertainty, in not more bins than can be drawn."""
-        entries = catalogue.of_day(asked.line, asked.direction, asked.day, asked.entry)
-        _tag(request, response, entries)
-        start, end = _stretch(entries, asked)
-        bins, notes = strips.merged(catalogue.store, entries, asked.band, start, end, asked.width)
-        return strips.model(
+def _add_levels(router: APIRouter, catalogue: LineCatalogue) -> None:
+    @router.get("/level")
+    def level(
+        asked: Annotated[requests.LevelParameters, Query()], request: Request, response: Response
+    ) -> responses.EnvelopeResponse:
+        """The level in a band with its uncertainty, as minimum and maximum in bins."""
+        entries = catalogue.passes_of_day(asked.line, asked.direction, asked.day, asked.entry)
+        _add_tag(request, response, entries)
+        stretch = _stretch(entries, asked)
+        bins, notes = merge_passes(catalogue.store, entries, asked.band, stretch, asked.max_bins)
+        return envelope_response(
             bins,
             asked.band,
             entries,
-            catalogue.heights(entries, asked.band),
-            strips.not_judged(catalogue.store, entries, asked.band, bins),
-            notes,
+            heights=catalogue.limit_heights(entries, asked.band),
+            not_assessed=not_assessed_stretches(catalogue.store, entries, asked.band, bins),
+            notes=notes,
         )
 
     @router.get("/compare")
     def compare(
-        asked: Annotated[ask.CompareQuestion, Query()], request: Request, response: Response
-    ) -> models.ComparisonResponse:
-        """Two days against each other."""
-        one = catalogue.of_day(asked.line, asked.direction, asked.day, asked.entry)
-        other = catalogue.of_day(asked.line, asked.direction, asked.other, asked.other_entry)
+        asked: Annotated[requests.CompareParameters, Query()], request: Request, response: Response
+    ) -> responses.ComparisonResponse:
+        """Comparison of two days."""
+        line, direction = asked.line, asked.direction
+        one = catalogue.passes_of_day(line, direction, asked.day, asked.entry)
+        other = catalogue.passes_of_day(line, direction, asked.compared_day, asked.compared_entry)
         days = (one, other) if one[0].day < other[0].day else (other, one)
-        _tag(request, response, (*one, *other))
-        return places.compare(
+        _add_tag(request, response, (*one, *other))
+        return comparison_response(
             catalogue.store,
             days,
-            places.band_of(asked.band),
+            band_of(asked.band),
             _stretch((*one, *other), asked),
-            asked.width,
-            catalogue.heights(days[1], asked.band),
+            max_bins=asked.max_bins,
+            heights=catalogue.limit_heights(days[1], asked.band),
         )
 
 
-def _add_tables(router: APIRouter, catalogue: Catalogue) -> None:
+def _add_tables(router: APIRouter, catalogue: LineCatalogue) -> None:
     @router.get("/defects")
     def defects(
-        asked: Annotated[ask.DefectsQuestion, Query()], request: Request, response: Response
-    ) -> models.Defects:
-        """Isolated defects: places that call for something, or may."""
-        entries = catalogue.of_day(asked.line, asked.direction, asked.day, asked.entry)
-        _tag(request, response, entries)
-        every = rows.defect_rows(catalogue.store, entries, asked.start, asked.end)
-        found, grades = rows.chosen(every, asked.band, asked.least, asked.order)
-        return models.Defects(
-            defects=rows.defect_models(found.slice(asked.offset, asked.count)),
-            total=found.num_rows,
+        asked: Annotated[requests.DefectsParameters, Query()], request: Request, response: Response
+    ) -> responses.Defects:
+        """Isolated defects that require an action, or may require one."""
+        entries = catalogue.passes_of_day(asked.line, asked.direction, asked.day, asked.entry)
+        _add_tag(request, response, entries)
+        all_rows = rows.defect_rows(catalogue.store, entries, asked.start, asked.end)
+        selected, grades = rows.select_defects(
+            all_rows, asked.band, asked.minimum_action, asked.order
+        )
+        return responses.Defects(
+            defects=rows.defect_list(selected.slice(asked.offset, asked.count)),
+            total=selected.num_rows,
             counts=rows.counts(grades),
-            duties=rows.duties(found),
+            requirements=rows.requirements(selected),
             notes=list(dict.fromkeys(note for one in entries for note in one.notes)),
         )
 
     @router.get("/schematic")
     def schematic(
-        asked: Annotated[ask.SchematicQuestion, Query()], request: Request, response: Response
-    ) -> models.Schematic:
-        """The same at a glance: what the places of each bin of the line call for."""
-        entries = catalogue.of_day(asked.line, asked.direction, asked.day, asked.entry)
-        _tag(request, response, entries)
-        return rows.schematic(catalogue.store, entries, _stretch(entries), asked.bins)
+        asked: Annotated[requests.SchematicParameters, Query()],
+        request: Request,
+        response: Response,
+    ) -> responses.Schematic:
+        """Overview of the defects of a line: the required actions in each bin."""
+        entries = catalogue.passes_of_day(asked.line, asked.direction, asked.day, asked.entry)
+        _add_tag(request, response, entries)
+        return rows.schematic_response(catalogue.store, entries, _stretch(entries), asked.bins)
 
     @router.get("/sections")
     def sections(
-        asked: Annotated[ask.SectionsQuestion, Query()], request: Request, response: Response
-    ) -> models.Sections:
+        asked: Annotated[requests.SectionsParameters, Query()],
+        request: Request,
+        response: Response,
+    ) -> responses.Sections:
         """Standard deviations per section."""
-        entries = catalogue.of_day(asked.line, asked.direction, asked.day, asked.entry)
-        _tag(request, response, entries)
+        entries = catalogue.passes_of_day(asked.line, asked.direction, asked.day, asked.entry)
+        _add_tag(request, response, entries)
         length, columns = rows.section_columns(
             catalogue.store, entries, asked.band, asked.start, asked.end
         )
-        return rows.sections(asked.band, length, columns, asked.count)
+        return rows.sections_response(asked.band, length, columns, asked.count)
 
 
-def _add_times(router: APIRouter, catalogue: Catalogue) -> None:
-    @router.get("/place")
-    def place(
-        asked: Annotated[ask.PlaceQuestion, Query()], request: Request, response: Response
-    ) -> models.DevelopmentResponse:
-        """How a place developed, and when a limit is reached if that goes on."""
-        found = catalogue.passes(asked.line, asked.direction, asked.since, asked.until)
-        if not found:
-            raise UnknownError("There is no pass within these days.")
-        _tag(request, response, found)
-        return places.place(
+def _add_development(router: APIRouter, catalogue: LineCatalogue) -> None:
+    @router.get("/development")
+    def development(
+        asked: Annotated[requests.DevelopmentParameters, Query()],
+        request: Request,
+        response: Response,
+    ) -> responses.DevelopmentResponse:
+        """Development of a location, and when it reaches a limit if the trend continues."""
+        entries = _passes(catalogue, asked, asked.since, asked.until)
+        _add_tag(request, response, entries)
+        return development_response(
             catalogue.store,
-            found,
-            places.band_of(asked.band),
+            entries,
+            band_of(asked.band),
             asked.at,
-            catalogue.heights(found[-1:], asked.band),
+            catalogue.limit_heights(entries[-1:], asked.band),
         )
 
 
-def _stretch(entries: Sequence[Entry], asked: ask.Stretch | None = None) -> tuple[float, float]:
-    """From where to where: as asked, or as far as the passes go."""
+def _passes(
+    catalogue: LineCatalogue,
+    asked: requests.LineParameters,
+    first: date | None,
+    last: date | None,
+) -> tuple[Entry, ...]:
+    """Passes between two days.
+
+    Raises
+    ------
+    UnknownError : there is none.
+    """
+    entries = catalogue.passes(asked.line, asked.direction, first, last)
+    if not entries:
+        raise UnknownError("The store has no pass between these days.")
+    return entries
+
+
+def _stretch(
+    entries: Sequence[Entry], asked: requests.StretchParameters | None = None
+) -> tuple[float, float]:
+    """Start and end as requested, by default those of the passes [m]."""
     start, end = min(one.start for one in entries), max(one.end for one in entries)
     if asked is None:
         return start, end
     first = start if asked.start is None else asked.start
     last = end if asked.end is None else asked.end
     if not first < last:
-        raise UnknownError(f"The passes run from {start:.1f} m to {end:.1f} m, not there.")
+        raise UnknownError(
+            f"The passes extend from {start:.1f} m to {end:.1f} m, outside of the requested stretch."
+        )
     return first, last
 
 
-def _tag(request: Request, response: Response, entries: Sequence[Entry]) -> None:
-    """State what the answer depends on; the same question about the same entries has the same answer.
+def _add_tag(request: Request, response: Response, entries: Sequence[Entry]) -> None:
+    """Add the entity tag of an answer: the same request about the same entries has the same answer.
 
     Raises
     ------
-    UnchangedError : the reader has it.
+    NotModifiedError : the client has the answer.
     """
-    about = (
-        __version__,
-        request.url.path,
-        request.url.query,
-        *(one.path(ENTRIES) for one in entries),
-    )
-    digest = hashlib.sha256("\n".join(about).encode()).hexdigest()
-    tag = f'"{digest[:24]}"'
+    paths = [one.path(ENTRIES) for one in entries]
+    tag = f'"{digest([__version__, request.url.path, request.url.query, paths])[:_TAG_DIGITS]}"'
     if tag in [one.strip() for one in request.headers.get("if-none-match", "").split(",")]:
-        raise UnchangedError(tag)
+        raise NotModifiedError(tag)
     response.headers["etag"] = tag
     response.headers["cache-control"] = "private, no-cache"
 
 
-def _pass_info(entry: Entry) -> models.PassInfo:
+def _pass_info(entry: Entry) -> responses.PassInfo:
     origin = entry.origin
-    return models.PassInfo(
+    return responses.PassInfo(
         entry=entry.id,
         line=entry.line,
         direction=entry.direction,
@@ -244,15 +271,15 @@ def _pass_info(entry: Entry) -> models.PassInfo:
         start_m=entry.start,
         end_m=entry.end,
         known_share=entry.known,
-        deviation_mm={name: _MILLI * one for name, one in entry.deviations.items()},
-        counts={name: count for name, count in entry.defects.items() if count},
+        standard_deviation_mm={name: _MILLI * one for name, one in entry.deviations.items()},
+        defect_counts={name: count for name, count in entry.defects.items() if count},
         kind=entry.kind,
         vehicle=origin.vehicle,
         method=origin.method,
         track=origin.track,
         prior=origin.prior,
-        limits=origin.limits,
-        speed_km_h=round(origin.speed / KM_H, 3),
+        limit_set=origin.limits,
+        line_speed_km_h=round(origin.speed / KM_H, 3),
         source=origin.source,
         recording=origin.recording,
         software=origin.software,

@@ -1,4 +1,4 @@
-"""The store's catalogue as the server uses it: asked again after some seconds, not for every question."""
+"""Lines and passes of a store, read again after some seconds and not for every request."""
 
 from __future__ import annotations
 
@@ -8,42 +8,42 @@ from typing import TypeVar
 
 from trackprofile.assessment.limits import Action
 from trackprofile.errors import TrackprofileError
-from trackprofile.server.assessment_rows import heights
+from trackprofile.server.assessment_rows import limit_heights
 from trackprofile.server.cache import Cache
 from trackprofile.store import Entry, Store, StoredLine, find, lines
 from trackprofile.store.layout import ENTRIES
 
 Value = TypeVar("Value")
 
-LASTS = 5.0
-"""s that a list of passes is taken as true; what was added since is shown after that."""
+LIFETIME = 5.0
+"""Time after which a list of passes is read again, so that added passes appear [s]."""
 
-_LINES, _FACTS = 200, 2000  # that are remembered
+_MAX_LISTS, _MAX_RESULTS = 200, 2000
 
 
 class UnknownError(TrackprofileError):
-    """What was asked for is not in the store."""
+    """The store does not have what a request names."""
 
 
-class Catalogue:
-    """Lines and passes of a store, remembered for `LASTS`; safe for many threads.
+class LineCatalogue:
+    """Lines and passes of a store, cached for `LIFETIME`; safe for many threads.
 
     Parameters
     ----------
-    store : that is read
+    store : store to read
     """
 
     def __init__(self, store: Store) -> None:
         self.store = store
-        self._lists = Cache(most=_LINES, lasts=LASTS)
-        self._facts = Cache(most=_FACTS)
+        self._lists = Cache(_MAX_LISTS, LIFETIME)
+        self._results = Cache(_MAX_RESULTS)
 
     def lines(self) -> tuple[StoredLine, ...]:
         """All lines."""
-        return self._lists.recall("lines", lambda: lines(self.store))
+        return self._lists.get("lines", lambda: lines(self.store))
 
     def line(self, line: str, direction: str) -> StoredLine:
-        """One of them.
+        """One line in one direction.
 
         Raises
         ------
@@ -52,7 +52,7 @@ class Catalogue:
         for one in self.lines():
             if (one.line, one.direction) == (line, direction):
                 return one
-        raise UnknownError(f"The store holds no line {line!r} in direction {direction!r}.")
+        raise UnknownError(f"The store has no line {line!r} in direction {direction!r}.")
 
     def passes(
         self, line: str, direction: str, first: date | None = None, last: date | None = None
@@ -64,46 +64,49 @@ class Catalogue:
         UnknownError : the store has no such line and direction.
         """
         self.line(line, direction)
-        return self._lists.recall(
+        return self._lists.get(
             (line, direction, first, last),
             lambda: find(self.store, line=line, direction=direction, first=first, last=last),
         )
 
-    def of_day(
+    def passes_of_day(
         self, line: str, direction: str, day: date, entry: str | None = None
     ) -> tuple[Entry, ...]:
-        """All passes of a day, or one of them in whichever version.
+        """All passes of a day, or one entry of that day in any version.
 
         Raises
         ------
-        UnknownError : there is none.
+        UnknownError : the store has no such pass.
         """
-        of_day = self.passes(line, direction, day, day)
+        newest = self.passes(line, direction, day, day)
         if entry is None:
-            if of_day:
-                return of_day
-            raise UnknownError(f"There is no pass of {line!r} in direction {direction!r} on {day}.")
-        found = [one for one in of_day if one.id == entry] or [
+            if newest:
+                return newest
+            raise UnknownError(
+                f"The store has no pass of {line!r} in direction {direction!r} on {day}."
+            )
+        matches = [one for one in newest if one.id == entry] or [
             one
             for one in find(
                 self.store, line=line, direction=direction, first=day, last=day, all_versions=True
             )
             if one.id == entry
         ]
-        if not found:
-            raise UnknownError(f"There is no pass {entry} of {line!r} on {day}.")
-        return tuple(found)
+        if not matches:
+            raise UnknownError(f"The store has no pass {entry} of {line!r} on {day}.")
+        return tuple(matches)
 
-    def recall(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """What was worked out from entries, which never change."""
-        return self._facts.recall(key, make)
+    def cached(self, key: Hashable, compute: Callable[[], Value]) -> Value:
+        """A result computed from entries, which never change."""
+        return self._results.get(key, compute)
 
-    def heights(self, entries: Sequence[Entry], band: str) -> dict[Action, float]:
-        """The limits that passes were judged by in a band [m]: those of the last that has any."""
+    def limit_heights(self, entries: Sequence[Entry], band: str) -> dict[Action, float]:
+        """Limits by which passes were assessed in a band [m]: those of the last pass that has any."""
         for one in reversed(entries):
-            found = self.recall(
-                ("heights", one.path(ENTRIES), band), lambda one=one: heights(self.store, one, band)
+            heights = self.cached(
+                ("limit heights", one.path(ENTRIES), band),
+                lambda one=one: limit_heights(self.store, one, band),
             )
-            if found:
-                return found
+            if heights:
+                return heights
         return {}

@@ -1,4 +1,4 @@
-"""What may be asked, and within which bounds; anything else in a question is refused."""
+"""Parameters of the server's requests and their bounds; any other parameter is refused."""
 
 from __future__ import annotations
 
@@ -7,119 +7,124 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-FARTHEST = 1e8
-"""m along a line: farther than any."""
+MAX_DISTANCE = 1e8
+"""Largest distance along a line [m]."""
 
-MOST_BINS = 8000
+MAX_BINS = 8000
 
 
-def _text(value: str) -> str:
+def _printable(value: str) -> str:
     if not value.isprintable():
         raise ValueError("expected printable text")
     return value
 
 
-Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_text)]
-Metres = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_printable)]
+Metres = Annotated[float, Field(ge=-MAX_DISTANCE, le=MAX_DISTANCE, allow_inf_nan=False)]
 EntryId = Annotated[str, Field(pattern="^[0-9a-f]{16}-[0-9a-f]{16}$")]
-Band = Literal["D1", "D2", "D3"]
-Act = Literal["alert", "intervention", "immediate action"]
+BandName = Literal["D1", "D2", "D3"]
+ActionName = Literal["alert", "intervention", "immediate action"]
 
 
-class Question(BaseModel):
-    """Of a client; what it does not know of is refused."""
+class RequestParameters(BaseModel):
+    """Parameters of a request; unknown ones are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class LineQuestion(Question):
-    """About a line in one direction."""
+class LineParameters(RequestParameters):
+    """A line in one direction."""
 
     line: Name
     direction: Name
 
 
-class PassesQuestion(LineQuestion):
-    """Which passes there are."""
+class PassesParameters(LineParameters):
+    """Passes between two days."""
 
     first: date | None = None
     last: date | None = None
 
 
-class DayQuestion(LineQuestion):
-    """About all passes of a day, or one of them."""
+class DayParameters(LineParameters):
+    """All passes of a day, or one of them."""
 
     day: date
     entry: EntryId | None = None
 
 
-class Stretch(Question):
+class StretchParameters(RequestParameters):
     """A part of the line."""
 
     start: Metres | None = Field(None, alias="from")
     end: Metres | None = Field(None, alias="to")
 
     @model_validator(mode="after")
-    def _ordered(self) -> Stretch:
+    def _ordered(self) -> StretchParameters:
         if self.start is not None and self.end is not None and not self.start < self.end:
             raise ValueError("expected from below to")
         return self
 
 
-class StripQuestion(DayQuestion, Stretch):
-    """What to draw of a band."""
+class LevelParameters(DayParameters, StretchParameters):
+    """The level in a band."""
 
-    band: Band
-    width: int = Field(1000, ge=2, le=MOST_BINS, description="bins at most")
+    band: BandName
+    max_bins: int = Field(1000, ge=2, le=MAX_BINS, description="maximum number of bins")
 
 
-class DefectsQuestion(DayQuestion, Stretch):
+class DefectsParameters(DayParameters, StretchParameters):
     """Isolated defects."""
 
-    band: Band | None = None
-    least: Act | None = Field(None, description="action that they call for at least")
-    order: Literal["gravest", "along"] = "gravest"
+    band: BandName | None = None
+    minimum_action: ActionName | None = Field(
+        None, description="only defects that require this action or a more severe one"
+    )
+    order: Literal["severity", "distance"] = "severity"
     offset: int = Field(0, ge=0, le=1_000_000)
     count: int = Field(100, ge=1, le=1000)
 
 
-class SchematicQuestion(DayQuestion):
-    """A line's places at a glance."""
+class SchematicParameters(DayParameters):
+    """Overview of the defects of a line."""
 
     bins: int = Field(400, ge=10, le=2000)
 
 
-class SectionsQuestion(DayQuestion, Stretch):
+class SectionsParameters(DayParameters, StretchParameters):
     """Standard deviations per section."""
 
-    band: Band
+    band: BandName
     count: int = Field(
-        500, ge=1, le=2000, description="of sections at most; then the worst of some"
+        500,
+        ge=1,
+        le=2000,
+        description="maximum number; of more sections, the worst of each group is given",
     )
 
 
-class PlaceQuestion(LineQuestion):
-    """Development of a place."""
+class DevelopmentParameters(LineParameters):
+    """Development of a location over time."""
 
-    band: Band
+    band: BandName
     at: Metres
     since: date | None = None
     until: date | None = None
 
 
-class CompareQuestion(DayQuestion, Stretch):
+class CompareParameters(DayParameters, StretchParameters):
     """Two days."""
 
-    band: Band
-    other: date
-    other_entry: EntryId | None = None
-    width: int = Field(1000, ge=2, le=MOST_BINS, description="bins at most")
+    band: BandName
+    compared_day: date
+    compared_entry: EntryId | None = None
+    max_bins: int = Field(1000, ge=2, le=MAX_BINS, description="maximum number of bins")
 
 
-class QualityQuestion(LineQuestion):
-    """Data quality of a line's passes."""
+class QualityParameters(LineParameters):
+    """Data quality of the passes over a line."""
 
-    band: Band
+    band: BandName
     first: date | None = None
     last: date | None = None
     bins: int = Field(300, ge=10, le=2000)

@@ -1,4 +1,4 @@
-"""What the server answers, as its OpenAPI description states it: every number with its unit in its name."""
+"""Answers of the server, as its OpenAPI description states them; the name of every number ends in its unit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import date
 from pydantic import BaseModel, ConfigDict, Field
 
 Millimetres = list[float | None]
-"""Null where it is not known."""
+"""Null where the value is not known."""
 
 
 class ResponseModel(BaseModel):
@@ -17,13 +17,13 @@ class ResponseModel(BaseModel):
 
 
 class ErrorResponse(ResponseModel):
-    """Why a question has no answer."""
+    """The reason why a request has no answer."""
 
     error: str = Field(description="one sentence")
 
 
 class BandName(ResponseModel):
-    """A band of wavelengths."""
+    """A wavelength band."""
 
     name: str
     shortest_m: float
@@ -31,7 +31,7 @@ class BandName(ResponseModel):
 
 
 class LineInfo(ResponseModel):
-    """A line in one direction, as far as it was passed."""
+    """A line in one direction, over the stretch that passes cover."""
 
     line: str
     direction: str
@@ -47,17 +47,17 @@ class Lines(ResponseModel):
 
     lines: list[LineInfo]
     bands: list[BandName]
-    locked: bool = Field(description="whether this server asks for a token")
+    token_required: bool = Field(description="whether this server requires a token")
 
 
 class Days(ResponseModel):
-    """Days on which a line was passed, in their order."""
+    """Days with passes, in order."""
 
     days: list[date]
 
 
 class PassInfo(ResponseModel):
-    """One pass: where, when, from what, how well, and what it obliges to."""
+    """One pass: its stretch, date, origin, uncertainty and number of defects."""
 
     entry: str
     line: str
@@ -66,40 +66,40 @@ class PassInfo(ResponseModel):
     run: str
     start_m: float
     end_m: float
-    known_share: float = Field(description="of its points, not in a gap")
-    deviation_mm: dict[str, float] = Field(
-        description="median standard deviation by band; bands without are not stated"
+    known_share: float = Field(description="share of points that are not in a gap")
+    standard_deviation_mm: dict[str, float] = Field(
+        description="median standard deviation by band; without the bands that the profile does not state"
     )
-    counts: dict[str, int] = Field(description="places by the action that they call for")
+    defect_counts: dict[str, int] = Field(description="number of defects by required action")
     kind: str
     vehicle: str
     method: str
     track: str
     prior: str
-    limits: str
-    speed_km_h: float = Field(description="of the line, that limits were taken for")
+    limit_set: str
+    line_speed_km_h: float = Field(description="line speed for which limits were chosen")
     source: str
-    recording: str = Field(description="SHA-256 of the recording's content")
+    recording: str = Field(description="identity of the recording (SHA-256)")
     software: str
-    notes: list[str] = Field(description="to be said with every number")
+    notes: list[str] = Field(description="caveats on limits and assessment")
 
 
 class Passes(ResponseModel):
-    """Passes over one line and direction, by day."""
+    """Passes over one line in one direction, by day."""
 
     passes: list[PassInfo]
-    omitted: int = Field(description="earlier ones that are not listed")
+    omitted_passes: int = Field(description="number of earlier passes that are not listed")
 
 
 class Limit(ResponseModel):
-    """A height from which a defect calls for an action."""
+    """The height from which a defect requires an action."""
 
     action: str
     height_mm: float
 
 
-class NotJudged(ResponseModel):
-    """A stretch in which the band is not judged, with the reasons."""
+class NotAssessedStretch(ResponseModel):
+    """A stretch in which the band is not assessed, with the reasons."""
 
     start_m: float
     end_m: float
@@ -107,84 +107,89 @@ class NotJudged(ResponseModel):
 
 
 class EnvelopeResponse(ResponseModel):
-    """The level in a band, bin by bin: bin i runs from from_m + i bin_m to from_m + (i + 1) bin_m."""
+    """The level in a band, bin by bin: bin i extends from from_m + i bin_m to from_m + (i + 1) bin_m."""
 
     entries: list[str]
     band: str
     from_m: float
     to_m: float
     bin_m: float
-    low_mm: Millimetres = Field(description="least value in the bin")
-    high_mm: Millimetres = Field(description="greatest value in the bin")
-    deviation_mm: Millimetres = Field(
-        description="greatest standard deviation; the 95 % band is ±1.96 of it about low and high"
+    low_mm: Millimetres = Field(description="minimum in the bin")
+    high_mm: Millimetres = Field(description="maximum in the bin")
+    standard_deviation_mm: Millimetres = Field(
+        description="largest standard deviation in the bin; the 95 % interval extends from low - 1.96 of it to "
+        "high + 1.96 of it"
     )
     limits: list[Limit]
-    not_judged: list[NotJudged]
+    not_assessed: list[NotAssessedStretch]
     notes: list[str]
 
 
 class DefectInfo(ResponseModel):
-    """An isolated defect: a half wave beyond a limit, or that may be."""
+    """An isolated defect: a half wave that exceeds a limit, or may exceed it."""
 
     entry: str
     band: str
     start_m: float
     peak_m: float
     end_m: float
-    height_mm: float = Field(description="of the peak over the mean, up is positive")
+    height_mm: float = Field(description="height of the peak above the mean; up is positive")
     standard_deviation_mm: float
-    calls_for: str = Field(
-        description="gravest action whose limit is exceeded with 50 % or more; empty: possible only"
+    required_action: str = Field(
+        description="most severe action whose limit is exceeded with a probability of 50 % or more; empty: none"
     )
-    probabilities: dict[str, float] = Field(description="by action, that its limit is exceeded")
+    probabilities: dict[str, float] = Field(
+        description="by action, the probability that its limit is exceeded"
+    )
     limits_mm: dict[str, float]
 
 
-class Duty(ResponseModel):
-    """What an action obliges to, in the words of the limits."""
+class ActionRequirement(ResponseModel):
+    """What an action requires, as the limit set states it."""
 
     action: str
-    obliges_to: str
+    requirement: str
 
 
 class Defects(ResponseModel):
-    """Isolated defects, a part of them."""
+    """Isolated defects, or a part of them."""
 
     defects: list[DefectInfo]
-    total: int = Field(description="that the filters let through")
-    counts: dict[str, int] = Field(description="of those, by action; possible is under 50 %")
-    duties: list[Duty]
+    total: int = Field(description="number of defects that pass the filters")
+    counts: dict[str, int] = Field(
+        description="number of these by required action; `possible` is below 50 %"
+    )
+    requirements: list[ActionRequirement]
     notes: list[str]
 
 
-class SchematicMark(ResponseModel):
-    """All places of one action within a bin of the line."""
+class SchematicBin(ResponseModel):
+    """All defects of one required action within a bin of the line."""
 
     start_m: float
     end_m: float
-    calls_for: str
-    places: int
-    peak_m: float = Field(description="of the gravest of them")
+    required_action: str
+    defects: int
+    peak_m: float = Field(description="distance of the most severe of them")
 
 
 class Schematic(ResponseModel):
-    """A line's places at a glance."""
+    """Overview of the defects of a line."""
 
     start_m: float
     end_m: float
     bin_m: float
-    bins: list[SchematicMark]
+    bins: list[SchematicBin]
 
 
 class SectionInfo(ResponseModel):
-    """A section, or the worst of some that follow each other."""
+    """A section, or the worst of several consecutive ones."""
 
     start_m: float
     end_m: float
     standard_deviation_mm: float
-    low_mm: float = Field(description="95 % interval from")
-    high_mm: float = Field(description="95 % interval to")
+    low_mm: float = Field(description="lower end of the 95 % interval")
+    high_mm: float = Field(description="upper end of the 95 % interval")
     quality_class: str
 
 
@@ -192,13 +197,15 @@ class Sections(ResponseModel):
     """Standard deviations per section."""
 
     band: str
-    length_m: float = Field(description="of a section; 0 where there is none")
-    grouped: int = Field(description="sections of which the worst is given")
+    length_m: float = Field(description="length of a section; 0 without sections")
+    group_size: int = Field(
+        description="number of consecutive sections of which the worst is given"
+    )
     sections: list[SectionInfo]
 
 
-class Told(ResponseModel):
-    """A pass that tells a place."""
+class DevelopmentPass(ResponseModel):
+    """A pass from which the development of a location is determined."""
 
     entry: str
     day: date
@@ -206,8 +213,8 @@ class Told(ResponseModel):
     vehicle: str
 
 
-class LeftOut(ResponseModel):
-    """A pass that does not, and why."""
+class ExcludedPass(ResponseModel):
+    """A pass that is not used, and why."""
 
     entry: str
     day: date
@@ -215,76 +222,82 @@ class LeftOut(ResponseModel):
     reason: str
 
 
-class Trend(ResponseModel):
-    """A line in time through the passes."""
+class TrendInfo(ResponseModel):
+    """Linear trend through the passes."""
 
-    per_day_mm: float
-    per_day_deviation_mm: float
-    straight: bool = Field(description="whether the passes lie on it, as far as they state")
+    rate_mm_per_day: float
+    rate_standard_deviation_mm_per_day: float
+    is_linear: bool = Field(
+        description="whether the passes agree with the trend within their uncertainty"
+    )
 
 
-class Ahead(ResponseModel):
+class ForecastPoint(ResponseModel):
     """The trend on a day."""
 
     day: date
     level_mm: float
-    deviation_mm: float
+    standard_deviation_mm: float
 
 
-class ReachedInfo(ResponseModel):
-    """When a limit is reached if the change goes on; null is not within ten years."""
+class LimitCrossingInfo(ResponseModel):
+    """Day on which a limit is reached if the trend continues; null: not within ten years."""
 
     action: str
     height_mm: float
-    earliest: date | None = Field(description="reached by then with 2.5 %")
+    earliest: date | None = Field(description="reached by then with a probability of 2.5 %")
     median: date | None
-    latest: date | None = Field(description="reached by then with 97.5 %")
+    latest: date | None = Field(description="reached by then with a probability of 97.5 %")
 
 
-class Around(ResponseModel):
-    """The level around a place, pass by pass in their order."""
+class Surroundings(ResponseModel):
+    """The level around a location, one list per pass in their order."""
 
     distance_m: list[float]
     levels_mm: list[Millimetres]
 
 
 class DevelopmentResponse(ResponseModel):
-    """How a place developed."""
+    """Development of a location over time."""
 
     band: str
     at_m: float
-    passes: list[Told]
+    passes: list[DevelopmentPass]
     level_mm: list[float]
-    deviation_mm: list[float]
-    trend: Trend | None
-    forecast: list[Ahead] = Field(
-        description="the trend from the first pass on, and beyond the last"
+    standard_deviation_mm: list[float]
+    trend: TrendInfo | None
+    forecast: list[ForecastPoint] = Field(
+        description="the trend from the first pass to some time after the last"
     )
-    reached: list[ReachedInfo]
-    beyond: list[Limit] = Field(description="limits that the trend is beyond at the last pass")
+    limit_crossings: list[LimitCrossingInfo]
+    exceeded_limits: list[Limit] = Field(
+        description="limits that the trend exceeds at the last pass"
+    )
     limits: list[Limit]
-    around: Around
-    left_out: list[LeftOut]
-    omitted: int = Field(description="passes that were not looked at, to answer in time")
+    surroundings: Surroundings
+    excluded: list[ExcludedPass]
+    omitted_passes: int = Field(
+        description="number of passes that were not read, to limit the response time"
+    )
     notes: list[str]
 
 
-class ChangedPlaceInfo(ResponseModel):
-    """A place that changed between two passes."""
+class ChangedLocationInfo(ResponseModel):
+    """A location that changed between two passes."""
 
     start_m: float
     peak_m: float
     end_m: float
     change_mm: float
-    deviation_mm: float
-    level_mm: float = Field(description="at the later pass")
-    per_day_mm: float | None
-    per_day_deviation_mm: float | None
-    reached: list[ReachedInfo]
+    standard_deviation_mm: float
+    level_mm: float = Field(description="level at the later pass")
+    rate_mm_per_day: float | None
+    rate_standard_deviation_mm_per_day: float | None
+    limit_crossings: list[LimitCrossingInfo]
 
 
 class ComparisonResponse(ResponseModel):
-    """Two days against each other: second less first, which is the earlier."""
+    """Two days compared: the second, which is the later, minus the first."""
 
     band: str
     first_day: date
@@ -292,23 +305,28 @@ class ComparisonResponse(ResponseModel):
     first: EnvelopeResponse
     second: EnvelopeResponse
     difference: EnvelopeResponse = Field(
-        description="of the aligned levels; where by_section is above 0, of the sections' standard deviations"
+        description="difference of the aligned levels; where section_length_m is above 0, of the standard deviations "
+        "of the sections"
     )
-    by_section: float = Field(description="length of the sections that are compared [m], or 0")
-    closest_m: float = Field(description="stretch up to which levels are compared themselves")
-    places: list[ChangedPlaceInfo]
+    section_length_m: float = Field(
+        description="length of the compared sections; 0 where levels are compared"
+    )
+    max_pointwise_length_m: float = Field(
+        description="length of a stretch up to which levels are compared point by point"
+    )
+    locations: list[ChangedLocationInfo]
     notes: list[str]
 
 
 class Flag(ResponseModel):
-    """A flag of doubtful places."""
+    """A quality flag."""
 
     name: str
-    share: float = Field(description="of the pieces of the pass that hold a place with it")
+    share: float = Field(description="share of the pass in which the flag is set")
 
 
 class PassQuality(ResponseModel):
-    """How much of the line a pass tells, and how well."""
+    """Coverage and uncertainty of a pass."""
 
     entry: str
     day: date
@@ -317,18 +335,20 @@ class PassQuality(ResponseModel):
     start_m: float
     end_m: float
     known_share: float
-    deviation_mm: dict[str, float]
-    counts: dict[str, int]
+    standard_deviation_mm: dict[str, float]
+    defect_counts: dict[str, int]
     flags: list[Flag]
-    deviation_along_mm: Millimetres = Field(description="median per bin of the line")
+    standard_deviation_along_mm: Millimetres = Field(description="largest per bin of the line")
 
 
 class QualityResponse(ResponseModel):
-    """Data quality of a line's passes, the earliest first."""
+    """Data quality of the passes over a line, the earliest first."""
 
     band: str
     start_m: float
     bin_m: float
-    least_mm: float = Field(description="standard deviation that the best bins have")
+    lowest_standard_deviation_mm: float = Field(
+        description="lowest 5 % quantile of the standard deviation among the passes"
+    )
     passes: list[PassQuality]
-    omitted: int
+    omitted_passes: int

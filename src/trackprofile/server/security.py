@@ -1,8 +1,8 @@
-"""The gate before every answer: which requests are let through, and what every answer forbids the browser.
+"""Security checks of every request, and the security headers of every answer.
 
-A request is refused unless it names this server by an address or a name that it was given (another
-name is one that somebody rebound to this address), comes from this server's own page or from no page
-at all, is short, and, where there is a token, says it.
+A request is refused unless its header ``Host`` is an address or a known name of this server (another name
+may have been rebound to this address: DNS rebinding), it comes from this server's own pages or from
+no page, it is short, and, where the server requires a token, it presents the token or a session cookie.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from trackprofile.server.session import cookie_of, session_is_valid, token_matches
+from trackprofile.server.session import session_cookie, session_is_valid, token_matches
 
-LONGEST_QUERY = 2000
-LONGEST_PATH = 200
-LARGEST_HEADERS = 16_384
-LARGEST_BODY = 2000
-"""Bytes: of the only thing that is ever sent here, a token."""
+MAX_QUERY_LENGTH = 2000
+MAX_PATH_LENGTH = 200
+MAX_HEADER_BYTES = 16_384
+MAX_BODY_BYTES = 2000
+"""The only body that a client sends is a token."""
 
-OPEN = ("/", "/login", "/logout", "/session")
-"""Paths that need no token: the page is empty until it may read the store."""
+OPEN_PATHS = ("/", "/login", "/logout", "/session")
+"""Paths without a token: the viewer shows nothing until it may read the store."""
 
-STATIC = "/static/"
+STATIC_PREFIX = "/static/"
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
@@ -43,17 +43,17 @@ HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
 }
 
-_SENDS = {"POST"}
+_METHODS_WITH_BODY = {"POST"}
 
 
 @dataclass(frozen=True)
 class SecuritySettings:
-    """What the gate goes by.
+    """Settings of the security checks.
 
     Parameters
     ----------
-    names : of this server, beside its addresses and localhost
-    token : that every reader has to say; None lets everybody in who reaches the address
+    names : host names of this server, in addition to its addresses and localhost
+    token : token that every client must present; None admits every client that reaches the address
     """
 
     names: frozenset[str] = frozenset()
@@ -62,78 +62,79 @@ class SecuritySettings:
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a request is not let through."""
+    """The reason why a request is refused."""
 
     status: int
     sentence: str
 
 
 class SecurityMiddleware:
-    """An ASGI application in front of another one."""
+    """ASGI application that checks requests before it passes them to another application."""
 
-    def __init__(self, inner: ASGIApp, rules: SecuritySettings) -> None:
-        self.inner, self.rules = inner, rules
+    def __init__(self, inner: ASGIApp, settings: SecuritySettings) -> None:
+        self.inner, self.settings = inner, settings
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let one request through, or refuse it."""
+        """Pass one request on, or refuse it."""
         if scope["type"] == "lifespan":
             await self.inner(scope, receive, send)
             return
-        if scope["type"] != "http":  # nothing here speaks over a web socket
+        if scope["type"] != "http":  # the server has no web sockets
             await send({"type": "websocket.close", "code": 1008})
             return
-        asked = "GET" if scope["method"] == "HEAD" else scope["method"]
-        guarded = _guarded(send, without_body=scope["method"] == "HEAD")
-        refused = refusal(scope, self.rules)
+        method = "GET" if scope["method"] == "HEAD" else scope["method"]
+        secured_send = _with_security_headers(send, without_body=scope["method"] == "HEAD")
+        refused = refusal(scope, self.settings)
         if refused:
-            await _refuse(refused, guarded)
+            await _send_refusal(refused, secured_send)
             return
-        await self.inner({**scope, "method": asked}, receive, guarded)
+        await self.inner({**scope, "method": method}, receive, secured_send)
 
 
-def refusal(scope: Scope, rules: SecuritySettings) -> Refusal | None:
-    """Why a request is refused; None lets it through."""
+def refusal(scope: Scope, settings: SecuritySettings) -> Refusal | None:
+    """The reason why a request is refused; None admits it."""
     headers = Headers(scope=scope)
     return (
-        _of_size(scope, headers)
-        or _of_host(headers, rules.names)
-        or _of_origin(scope, headers)
-        or _of_token(scope, headers, rules.token)
+        _check_size(scope, headers)
+        or _check_host(headers, settings.names)
+        or _check_origin(scope, headers)
+        or _check_token(scope, headers, settings.token)
     )
 
 
-def _of_size(scope: Scope, headers: Headers) -> Refusal | None:
-    if len(scope["query_string"]) > LONGEST_QUERY or len(scope["path"]) > LONGEST_PATH:
-        return Refusal(414, f"The address is longer than {LONGEST_QUERY} characters.")
-    if sum(len(name) + len(value) for name, value in headers.raw) > LARGEST_HEADERS:
-        return Refusal(431, f"The headers are larger than {LARGEST_HEADERS} bytes.")
-    length = headers.get("content-length", "0" if scope["method"] not in _SENDS else "")
+def _check_size(scope: Scope, headers: Headers) -> Refusal | None:
+    if len(scope["query_string"]) > MAX_QUERY_LENGTH or len(scope["path"]) > MAX_PATH_LENGTH:
+        return Refusal(414, f"The address is longer than {MAX_QUERY_LENGTH} characters.")
+    if sum(len(name) + len(value) for name, value in headers.raw) > MAX_HEADER_BYTES:
+        return Refusal(431, f"The headers are larger than {MAX_HEADER_BYTES} bytes.")
+    length = headers.get("content-length", "0" if scope["method"] not in _METHODS_WITH_BODY else "")
     chunked = "transfer-encoding" in headers
     if chunked or not (length.isascii() and length.isdigit() and len(length) < 10):
-        return Refusal(411, "Say how long the body is (Content-Length).")
-    if int(length) > LARGEST_BODY:
-        return Refusal(413, f"The body is larger than {LARGEST_BODY} bytes.")
+        return Refusal(411, "The request needs the header Content-Length.")
+    if int(length) > MAX_BODY_BYTES:
+        return Refusal(413, f"The body is larger than {MAX_BODY_BYTES} bytes.")
     return None
 
 
-def _of_host(headers: Headers, names: frozenset[str]) -> Refusal | None:
+def _check_host(headers: Headers, names: frozenset[str]) -> Refusal | None:
     hosts = headers.getlist("host")
-    if len(hosts) == 1 and is_own(hosts[0], names):
+    if len(hosts) == 1 and is_own_host(hosts[0], names):
         return None
     return Refusal(
-        421, "This server does not go by that name; start it with --name NAME if it should."
+        421,
+        "This server does not have that host name; start it with --hostname NAME to add the name.",
     )
 
 
-def is_own(host: str, names: frozenset[str]) -> bool:
-    """Whether a header ``Host`` is an address, localhost or one of some names.
+def is_own_host(host: str, names: frozenset[str]) -> bool:
+    """Whether a header ``Host`` is an address, localhost or one of the names.
 
-    Nobody can rebind an address: it is only names that lead elsewhere tomorrow.
+    Addresses are safe: only names can be rebound to another address.
 
     Examples
     --------
     >>> names = frozenset({"track.example"})
-    >>> [is_own(one, names) for one in ("127.0.0.1:8000", "[::1]", "track.example", "evil.example")]
+    >>> [is_own_host(one, names) for one in ("127.0.0.1:8000", "[::1]", "track.example", "evil.example")]
     [True, True, True, False]
     """
     try:
@@ -152,40 +153,46 @@ def is_own(host: str, names: frozenset[str]) -> bool:
     return True
 
 
-def _of_origin(scope: Scope, headers: Headers) -> Refusal | None:
-    other = Refusal(403, "Only this server's own page may read it from a browser.")
+def _check_origin(scope: Scope, headers: Headers) -> Refusal | None:
+    refused = Refusal(403, "In a browser, only this server's own pages may send requests to it.")
     for origin in headers.getlist("origin"):
         if urlsplit(origin).netloc != headers["host"]:
-            return other
+            return refused
     site = headers.get("sec-fetch-site", "none")
     if site in ("same-origin", "none"):
         return None
-    # A link from elsewhere opens the page, which shows nothing until it has asked by itself.
-    opens = headers.get("sec-fetch-mode") == "navigate" and scope["method"] in ("GET", "HEAD")
-    return None if opens and scope["path"] == "/" else other
+    # A link on another site may open the viewer, which then sends its own requests.
+    opens_viewer = headers.get("sec-fetch-mode") == "navigate" and scope["method"] in (
+        "GET",
+        "HEAD",
+    )
+    return None if opens_viewer and scope["path"] == "/" else refused
 
 
-def _of_token(scope: Scope, headers: Headers, token: str | None) -> Refusal | None:
+def _check_token(scope: Scope, headers: Headers, token: str | None) -> Refusal | None:
     path = scope["path"]
-    if path in OPEN or path.startswith(STATIC) or may_read(headers, token):
+    if path in OPEN_PATHS or path.startswith(STATIC_PREFIX) or may_read(headers, token):
         return None
-    return Refusal(401, "Say the token: header Authorization: Bearer TOKEN, or log in on the page.")
+    return Refusal(
+        401,
+        "This server requires a token: send Authorization: Bearer TOKEN, or log in with a browser.",
+    )
 
 
 def may_read(headers: Headers, token: str | None) -> bool:
-    """Whether a request says the token, or has a session that was begun with it; any does where there is none."""
+    """Whether a request presents the token or a valid session; True for every request without a token."""
     if token is None:
         return True
-    kind, _, said = headers.get("authorization", "").partition(" ")
-    if kind.lower() == "bearer" and session_is_valid(token, said.strip()):
+    kind, _, presented = headers.get("authorization", "").partition(" ")
+    if kind.lower() == "bearer" and token_matches(token, presented.strip()):
         return True
-    return token_matches(token, cookie_of(headers.get("cookie", "")))
+    return session_is_valid(token, session_cookie(headers.get("cookie", "")))
 
 
-def _guarded(send: Send, *, without_body: bool) -> Send:
-    """The same, with `HEADERS` on every answer; a question for the head gets no body."""
+def _with_security_headers(send: Send, *, without_body: bool) -> Send:
+    """Send with `HEADERS` added to every answer; an answer to HEAD has no body."""
 
-    async def guarded(message: Message) -> None:
+    async def secured_send(message: Message) -> None:
         if message["type"] == "http.response.start":
             MutableHeaders(scope=message).update(HEADERS)
             MutableHeaders(scope=message).setdefault("cache-control", "no-store")
@@ -193,10 +200,10 @@ def _guarded(send: Send, *, without_body: bool) -> Send:
             message = {**message, "body": b""}
         await send(message)
 
-    return guarded
+    return secured_send
 
 
-async def _refuse(refused: Refusal, send: Send) -> None:
+async def _send_refusal(refused: Refusal, send: Send) -> None:
     body = json.dumps({"error": refused.sentence}).encode()
     headers: list[tuple[bytes, Any]] = [
         (b"content-type", b"application/json"),

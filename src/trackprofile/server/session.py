@@ -1,7 +1,7 @@
-"""Who has the token, and the cookie that a browser is given for it.
+"""The server's token, and the session cookie that a browser gets for it.
 
-The cookie is not the token: it holds the time at which it ends and HMAC-SHA-256(token, that time),
-so that the server keeps no list of sessions, and a stolen cookie ends by itself.
+The cookie is not the token: it holds its time of expiry and HMAC-SHA-256(token, that time). The server
+therefore keeps no list of sessions, and a stolen cookie expires.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from pathlib import Path
 from trackprofile.errors import FileError
 
 COOKIE = "trackprofile"
-LASTS = 12 * 3600
-"""Seconds that a browser stays logged in."""
+SESSION_SECONDS = 12 * 3600
+"""Time that a browser stays logged in [s]."""
 
-SHORTEST = 20
-"""Characters of a token: what a program cannot guess."""
+MIN_TOKEN_LENGTH = 20
+"""Minimum number of characters of a token, so that a program cannot guess it."""
 
-_LARGEST_FILE = 4096
+_MAX_FILE_BYTES = 4096
 
 
 def new_token() -> str:
@@ -31,47 +31,49 @@ def new_token() -> str:
 
 
 def read_token(path: Path) -> str:
-    """The token that is all of a file's text.
+    """Read a token from a file that contains nothing else.
 
     Raises
     ------
-    FileError : the file cannot be read, or holds no token that is long enough.
+    FileError : the file cannot be read, or has no token of sufficient length.
     """
     try:
         with path.open("rb") as file:
-            text = file.read(_LARGEST_FILE).decode("ascii").strip()
+            text = file.read(_MAX_FILE_BYTES).decode("ascii").strip()
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(
-            f"{path}: expected a file that holds a token, and cannot read it ({error})."
+            f"{path}: expected a file with a token, but it cannot be read ({error}); check path and permissions."
         ) from error
-    if len(text) < SHORTEST or not text.isprintable() or " " in text:
+    if len(text) < MIN_TOKEN_LENGTH or not text.isprintable() or " " in text:
         raise FileError(
-            f"{path}: expected a token of {SHORTEST} characters or more in one word; "
-            "make one with: openssl rand -hex 32."
+            f"{path}: expected one word of at least {MIN_TOKEN_LENGTH} characters as the token; "
+            "generate one with: openssl rand -hex 32."
         )
     return text
 
 
-def session_is_valid(token: str, said: str) -> bool:
-    """Whether what was said is the token; takes as long where it is not."""
-    return hmac.compare_digest(token.encode(), said.encode())
+def token_matches(token: str, presented: str) -> bool:
+    """Whether a presented text is the token; the comparison takes the same time if it is not."""
+    return hmac.compare_digest(token.encode(), presented.encode())
 
 
 def new_session(token: str, now: float | None = None) -> str:
-    """The value of a cookie that lasts `LASTS` from now.
+    """Value of a cookie that is valid for `SESSION_SECONDS` from now.
 
     Examples
     --------
     >>> value = new_session("a token of many letters", now=1000.0)
-    >>> holds("a token of many letters", value, now=1001.0), holds("another token", value, now=1001.0)
-    (True, False)
+    >>> session_is_valid("a token of many letters", value, now=1001.0)
+    True
+    >>> session_is_valid("another token", value, now=1001.0)
+    False
     """
-    ends = int((time.time() if now is None else now) + LASTS)
+    ends = int((time.time() if now is None else now) + SESSION_SECONDS)
     return f"{ends}.{_signed(token, ends)}"
 
 
-def token_matches(token: str, value: str, now: float | None = None) -> bool:
-    """Whether a cookie's value was made from the token and has not ended."""
+def session_is_valid(token: str, value: str, now: float | None = None) -> bool:
+    """Whether the value of a cookie was made from the token and has not expired."""
     text, _, signature = value.partition(".")
     if not (text.isascii() and text.isdigit() and len(text) < 12):
         return False
@@ -80,13 +82,13 @@ def token_matches(token: str, value: str, now: float | None = None) -> bool:
     return signed and ends > (time.time() if now is None else now)
 
 
-def cookie_of(header: str) -> str:
-    """The session in a header ``Cookie``; empty where there is none."""
+def session_cookie(header: str) -> str:
+    """Value of the session cookie in a header ``Cookie``; empty without one."""
     try:
-        found = SimpleCookie(header).get(COOKIE)
+        cookie = SimpleCookie(header).get(COOKIE)
     except CookieError:
         return ""
-    return found.value if found else ""
+    return cookie.value if cookie else ""
 
 
 def _signed(token: str, ends: int) -> str:

@@ -1,28 +1,35 @@
-"""The page's own files: read once, from this package alone."""
+"""Files of the web viewer: its own, those that it shares with the report, and the style sheet of the palette."""
 
 from __future__ import annotations
 
-import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 
-TYPES = {
+from trackprofile.contracts.identity import digest_bytes
+from trackprofile.reporting.palette import palette_css
+
+MEDIA_TYPES = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
-    ".svg": "image/svg+xml",
 }
+
+SHARED_FOLDERS = ("web", "vendor/uplot")
+"""Folders of `trackprofile.reporting` that are served below ``shared/``."""
+
+_TAG_DIGITS = 16
 
 
 @dataclass(frozen=True)
-class File:
+class StaticFile:
     """One file as it is sent.
 
     Parameters
     ----------
-    content : all of it
-    media_type : what it is
-    tag : changes with the content
+    content : bytes of the file
+    media_type : value of the header ``Content-Type``
+    tag : value of the header ``ETag``; changes with the content
     """
 
     content: bytes
@@ -30,19 +37,29 @@ class File:
     tag: str
 
 
-def page_files() -> dict[str, File]:
-    """All files by name. What is asked for is looked up here: no path of the file system is ever made of it.
+def static_files() -> dict[str, StaticFile]:
+    """All files by name; a request is looked up here, so that no path of the file system is ever built from it.
 
     Examples
     --------
-    >>> page_files()["index.html"].media_type
+    >>> static_files()["index.html"].media_type
     'text/html; charset=utf-8'
+    >>> "shared/charts.js" in static_files()
+    True
     """
-    found = {}
+    return {
+        name: StaticFile(content, media_type, f'"{digest_bytes(content)[:_TAG_DIGITS]}"')
+        for name, content in _contents()
+        if (media_type := MEDIA_TYPES.get(name[name.rfind(".") :]))
+    }
+
+
+def _contents() -> Iterator[tuple[str, bytes]]:
+    yield "shared/palette.css", palette_css().encode()
     for one in (files("trackprofile.server") / "static").iterdir():
-        suffix = one.name[one.name.rfind(".") :]
-        if suffix in TYPES:
-            content = one.read_bytes()
-            tag = f'"{hashlib.sha256(content).hexdigest()[:16]}"'
-            found[one.name] = File(content, TYPES[suffix], tag)
-    return found
+        if one.is_file():
+            yield one.name, one.read_bytes()
+    for folder in SHARED_FOLDERS:
+        for one in (files("trackprofile.reporting") / folder).iterdir():
+            if one.is_file():
+                yield f"shared/{one.name}", one.read_bytes()

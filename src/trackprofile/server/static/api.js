@@ -1,9 +1,10 @@
-// Questions to the server. What was asked lately is not asked again.
+// Requests to the server. Recent answers are kept.
 
-const KEPT = 60;
-const answers = new Map(); // in the order of use
+const KEPT_ANSWERS = 60;
+const answers = new Map(); // the least recently used first
 
-export class Refused extends Error {
+/** An answer that is an error; the message is the server's sentence. */
+export class RequestError extends Error {
   constructor(status, sentence) {
     super(sentence);
     this.status = status;
@@ -18,20 +19,14 @@ function query(params) {
   return all.toString();
 }
 
-/** The answer to a question, as an object; throws `Refused` with the server's sentence. */
-export function ask(what, params = {}, signal = undefined) {
-  const address = `/api/${what}?${query(params)}`;
-  const known = answers.get(address);
-  if (known) {
-    answers.delete(address);
-    answers.set(address, known);
-    return Promise.resolve(known);
-  }
-  return fetched(address, { signal }).then((found) => {
-    answers.set(address, found);
-    if (answers.size > KEPT) answers.delete(answers.keys().next().value);
-    return found;
-  });
+/** The answer of an endpoint, as an object. Throws `RequestError`. */
+export async function request(endpoint, params = {}, signal = undefined) {
+  const address = `/api/${endpoint}?${query(params)}`;
+  const answer = answers.get(address) ?? await fetched(address, { signal });
+  answers.delete(address);
+  answers.set(address, answer);
+  if (answers.size > KEPT_ANSWERS) answers.delete(answers.keys().next().value);
+  return answer;
 }
 
 async function fetched(address, options) {
@@ -40,26 +35,28 @@ async function fetched(address, options) {
     response = await fetch(address, { credentials: "same-origin", headers: { accept: "application/json" }, ...options });
   } catch (error) {
     if (error.name === "AbortError") throw error;
-    throw new Refused(0, "The server does not answer.");
+    throw new RequestError(0, "The server does not answer.");
   }
   const body = await response.json().catch(() => ({}));
-  if (!response.ok) throw new Refused(response.status, body.error || `The server answers ${response.status}.`);
+  if (!response.ok) throw new RequestError(response.status, body.error || `The server answers ${response.status}.`);
   return body;
 }
 
-/** Whether this reader may ask. */
-export const isOpen = () => fetched("/session", {}).then((found) => found.open);
+/** Whether this browser may read the store. */
+export const hasAccess = () => fetched("/session", {}).then((answer) => answer.open);
+
+const post = (address, body) => fetched(address, { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) });
 
 /** Exchanges the token for a cookie that scripts cannot read. */
 export async function logIn(token) {
   answers.clear();
-  await fetched("/login", { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify({ token }) });
+  await post("/login", { token });
 }
 
 export async function logOut() {
   answers.clear();
-  await fetched("/logout", { method: "POST", headers: { "content-type": "application/json" }, body: "{}" });
+  await post("/logout", {});
 }
 
-/** Asks again, however lately it was asked. */
+/** Forgets all answers, so that the next request goes to the server. */
 export const forget = () => answers.clear();

@@ -1,48 +1,51 @@
-// Passes over the line as rows: how sure each one is, place by place.
+// Passes over the line as rows: the standard deviation of each along the line.
 
-import { INK, axisBelow, boxOf, fitting, prepared, scale, ticks } from "./plot.js";
-import { WIDE, km, kmDigits, number } from "./words.js";
+import { colour, drawDistanceAxis, innerBox, preparedCanvas } from "./shared/canvas.js";
+import { HALF_WIDTH_95, km, kmDigits, number } from "./shared/format.js";
+import { linearScale, roundTicks } from "./shared/ticks.js";
 
 const MARGINS = { left: 82, right: 12, top: 2, bottom: 22 };
-// From sure to unsure, of rising lightness: readable without colour (after cividis).
-const SHADES = ["#00336F", "#3F4F6B", "#6B6B70", "#8F8A78", "#B9AC70", "#E3D057", "#FFEA46"];
+const SHADES = 7;
+const LABEL_HEIGHT = 13;
 
-/** The shade of a standard deviation beside the least one: up to four times. */
-export function shadeOf(deviation, least) {
-  const part = Math.log2(Math.max(1, deviation / least)) / 2;
-  return SHADES[Math.min(SHADES.length - 1, Math.floor(part * SHADES.length))];
+/** Number of the shade of a standard deviation relative to the lowest one, 0 to 6: the last from four times on. */
+export function shadeNumber(deviation, lowest) {
+  const part = Math.log2(Math.max(1, deviation / lowest)) / 2;
+  return Math.min(SHADES - 1, Math.floor(part * SHADES));
 }
 
-export function drawCoverage(canvas, found, whole, day) {
-  const { pen, width, height } = prepared(canvas), box = boxOf(width, height, MARGINS), x = scale(whole, box.left, box.right);
-  const rows = [...found.passes].reverse(), tall = box.height / Math.max(1, rows.length);
-  const { step, at } = ticks(whole, fitting(box));
-  axisBelow(pen, box, x, at, (place) => km(place, kmDigits(step)), { least: box.left - 20, most: width });
-  const every = Math.ceil(13 / tall);
-  rows.forEach((one, k) => {
-    const top = box.top + k * tall;
-    pen.fillStyle = INK;
+export function drawCoverage(canvas, quality, whole, day) {
+  const { pen, box } = preparedCanvas(canvas, MARGINS), x = linearScale(whole, box.left, box.right);
+  const passes = [...quality.passes].reverse(), rowHeight = box.height / Math.max(1, passes.length);
+  const { step, at } = roundTicks(whole, Math.max(2.5, box.width / 88));
+  drawDistanceAxis(pen, box, x, at, (distance) => km(distance, kmDigits(step)), box.right + MARGINS.right);
+  const every = Math.ceil(LABEL_HEIGHT / rowHeight);
+  passes.forEach((pass, row) => {
+    const top = box.top + row * rowHeight;
+    pen.fillStyle = colour("ink");
     pen.textAlign = "right";
-    if (k % every === 0) {
-      pen.font = pen.font.replace(/^(bold )?/, one.day === day ? "bold " : "");
-      pen.fillText(one.day, box.left - 6, top + tall / 2 + 4);
+    if (row % every === 0) {
+      pen.font = pen.font.replace(/^(bold )?/, pass.day === day ? "bold " : "");
+      pen.fillText(pass.day, box.left - 6, top + rowHeight / 2 + 4);
     }
-    one.deviation_along_mm.forEach((deviation, i) => {
-      const start = found.start_m + i * found.bin_m, left = x(Math.max(start, whole[0])), right = x(Math.min(start + found.bin_m, whole[1]));
-      if (start + found.bin_m <= one.start_m || start >= one.end_m) return;
-      pen.fillStyle = deviation === null ? "rgba(110,118,126,0.30)" : shadeOf(deviation, found.least_mm);
-      pen.fillRect(left, top + 0.5, right - left + 0.4, Math.max(1, tall - 1));
+    pass.standard_deviation_along_mm.forEach((deviation, i) => {
+      const start = quality.start_m + i * quality.bin_m, end = start + quality.bin_m;
+      if (end <= pass.start_m || start >= pass.end_m) return;
+      const left = x(Math.max(start, whole[0])), right = x(Math.min(end, whole[1]));
+      pen.fillStyle = deviation === null ? colour("muted", 0.3) : colour(`certainty-${shadeNumber(deviation, quality.lowest_standard_deviation_mm)}`);
+      pen.fillRect(left, top + 0.5, right - left + 0.4, Math.max(1, rowHeight - 1));
     });
   });
 }
 
-export function readCoverage(canvas, found, whole, event) {
-  const edge = canvas.getBoundingClientRect(), box = boxOf(edge.width, edge.height, MARGINS);
-  const place = whole[0] + ((event.clientX - edge.left - box.left) / box.width) * (whole[1] - whole[0]);
-  const row = Math.floor(((event.clientY - edge.top - box.top) / box.height) * found.passes.length);
-  const one = [...found.passes].reverse()[row];
-  if (!one || place < whole[0] || place > whole[1]) return "";
-  const deviation = one.deviation_along_mm[Math.floor((place - found.start_m) / found.bin_m)];
-  const words = deviation === null || deviation === undefined || place < one.start_m || place > one.end_m ? "not known" : `± ${number(WIDE * deviation, 3)} mm`;
-  return `${one.day}, ${km(place, 1)}: ${words}`;
+/** What the pointer is on, as text. */
+export function coverageText(canvas, quality, whole, event) {
+  const edge = canvas.getBoundingClientRect(), box = innerBox(edge.width, edge.height, MARGINS);
+  const distance = whole[0] + ((event.clientX - edge.left - box.left) / box.width) * (whole[1] - whole[0]);
+  const row = Math.floor(((event.clientY - edge.top - box.top) / box.height) * quality.passes.length);
+  const pass = [...quality.passes].reverse()[row];
+  if (!pass || distance < whole[0] || distance > whole[1]) return "";
+  const deviation = pass.standard_deviation_along_mm[Math.floor((distance - quality.start_m) / quality.bin_m)];
+  const isKnown = deviation !== null && deviation !== undefined && distance >= pass.start_m && distance <= pass.end_m;
+  return `${pass.day}, ${km(distance, 1)}: ${isKnown ? `± ${number(HALF_WIDTH_95 * deviation, 3)} mm` : "not known"}`;
 }

@@ -1,11 +1,11 @@
-// Asks for the token that the server was started with.
+// The form that asks for the server's token.
 
 import { logIn } from "./api.js";
 import { el, fill } from "./dom.js";
 
 export function askForToken(root, done) {
   const field = el("input", { type: "password", id: "token", autocomplete: "current-password", required: true, maxlength: 500 });
-  const said = el("p", { role: "alert", class: "error" });
+  const message = el("p", { role: "alert", class: "error" });
   const form = el("form", {
     class: "login",
     onsubmit: async (event) => {
@@ -15,16 +15,16 @@ export function askForToken(root, done) {
         field.value = "";
         done();
       } catch (error) {
-        said.textContent = error.message;
+        message.textContent = error.message;
         field.select();
       }
     },
   },
-  el("h1", {}, "This store asks for a token"),
-  el("p", {}, "It was printed where the server was started, or stands in its token file."),
+  el("h1", {}, "This server requires a token"),
+  el("p", {}, "The server printed it when it was started, or it is in its token file."),
   el("input", { type: "text", autocomplete: "username", value: "reader", hidden: true }),
   el("label", { for: "token" }, "Token"), field,
-  el("button", { type: "submit" }, "Open"), said);
+  el("button", { type: "submit" }, "Log in"), message);
   fill(root, form);
   root.setAttribute("aria-busy", "false");
   field.focus();

@@ -1,15 +1,16 @@
-// What is looked at, all of it, stands in the address: it can be shared, and back and forward work.
+// What is shown stands in the address, so that it can be shared and back and forward work.
 
-const KEYS = ["view", "line", "direction", "day", "entry", "band", "from", "to", "at", "since", "other", "least", "only", "order", "page"];
+const KEYS = ["view", "line", "direction", "day", "entry", "band", "from", "to", "at", "since", "compared_day", "minimum_action", "band_filter", "order", "page"];
 const NUMBERS = new Set(["from", "to", "at", "page"]);
-const VIEWS = ["line", "defects", "place", "compare", "quality"];
+const VIEWS = ["line", "defects", "location", "compare", "quality"];
+const MAX_TEXT = 200;
 
-/** The state that an address holds; what cannot be one is left out. */
-export function parsed(search) {
-  const params = new URLSearchParams(search), state = {};
+/** The state in the query of an address; invalid values are omitted. */
+export function parsedState(query) {
+  const params = new URLSearchParams(query), state = {};
   for (const key of KEYS) {
     const text = params.get(key);
-    if (text === null || text === "" || text.length > 200) continue;
+    if (text === null || text === "" || text.length > MAX_TEXT) continue;
     if (NUMBERS.has(key)) {
       const value = Number(text);
       if (Number.isFinite(value)) state[key] = value;
@@ -20,7 +21,7 @@ export function parsed(search) {
 }
 
 /** The address of a state. */
-export function address(state) {
+export function addressOf(state) {
   const params = new URLSearchParams();
   for (const key of KEYS) {
     const value = state[key];
@@ -30,8 +31,8 @@ export function address(state) {
   return `/?${params}`;
 }
 
-/** The state with some of it changed; undefined takes a key away. */
-export function changed(state, patch) {
+/** The state with some keys changed; undefined removes a key. */
+export function changedState(state, patch) {
   const next = { ...state, ...patch };
   for (const key of Object.keys(next)) if (next[key] === undefined) delete next[key];
   return next;

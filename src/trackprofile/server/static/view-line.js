@@ -1,161 +1,158 @@
-// The line on a day: schematic, strips of all bands with their 95 % band, standard deviations per section.
+// The line on a day: schematic, levels of all bands with their 95 % intervals, standard deviations per section.
 
-import { ask } from "./api.js";
-import { el, fill } from "./dom.js";
-import { boxOf } from "./plot.js";
-import { drawSchematic, pickOn } from "./schematic.js";
-import { MARGINS, drawSections, drawStrip, reasonsAt, valueAt } from "./strips.js";
-import { tileOf, covers } from "./tiles.js";
-import { handle, held, moved } from "./window.js";
-import { between, km, number, span } from "./words.js";
+import { request } from "./api.js";
+import { button, chartBox, el, fill, kilometreForm } from "./dom.js";
+import { levelChart, sectionChart } from "./shared/charts.js";
+import { levelAt } from "./shared/envelope.js";
+import { km, kmDigits, lengthText, levelText } from "./shared/format.js";
+import { addPicking, drawSchematic } from "./shared/schematic.js";
+import { BUTTONS, afterKey, clamped } from "./shared/view.js";
+import { covers, tileOf } from "./tiles.js";
 
-const WAIT = 90; // ms after the last move before finer data are asked for
+const LOAD_DELAY_MS = 90, SAVE_DELAY_MS = 250; // after the last move
+const MAX_DEFECTS = 500, SCHEMATIC_BINS = 400;
+const GROUP = "line"; // of charts that share the cursor
+const chainage = (distance, step) => km(distance, kmDigits(step));
 
 export function mount(root, app) {
-  const canvas = (name, kind) => el("canvas", { class: kind, role: "img", "aria-label": name });
-  const schematic = canvas("Places along the line that call for something", "schematic");
-  const strips = app.bands.map((band) => ({ band, canvas: canvas(`Level in ${band.name} with its 95 % interval`, "strip"), whole: null, tile: null }));
-  const sections = canvas("Standard deviation per section", "low");
-  const ofSections = el("span", {});
-  const range = el("output", { class: "range" }), reading = el("output", { class: "reading" }), picked = el("span", { class: "picked" });
-  const field = el("input", { type: "text", inputmode: "decimal", size: 8, "aria-label": "kilometre to go to", placeholder: "12.345" });
-  let view = null, asked = "", marks = { bins: [], defects: [], sections: [], limits: {} }, bar = null, timer = 0, stop = null, saving = 0;
-
-  const step = (name, sign, keyName) => el("button", { type: "button", "aria-label": name, title: name, onclick: () => { const next = moved(keyName, view, app.whole()); show(next); save(); } }, sign);
-  const tools = el("div", { class: "tools" },
-    step("to the left", "←", "ArrowLeft"), step("to the right", "→", "ArrowRight"), step("closer", "+", "+"), step("wider", "−", "-"), step("the whole line", "all", "Home"),
-    el("form", { class: "jump", onsubmit: (event) => { event.preventDefault(); jump(); } }, el("label", {}, "km ", field), el("button", { type: "submit" }, "go")),
-    range, picked);
-  const charts = el("section", { id: "charts", tabindex: 0, "aria-label": "Strip charts: + and − zoom, arrows move, Home shows the whole line", onkeydown: keyed },
-    strips.map(({ band, canvas: one }) => [el("h2", { class: "strip-name" }, band.name, el("span", {}, `${band.shortest_m} to ${band.longest_m} m, level in mm`)), one]),
-    el("h2", { class: "strip-name" }, "Standard deviation", ofSections), sections);
-  fill(root, schematic, tools, reading, charts,
-    el("p", { class: "hint" }, "Wheel, + and − or two fingers zoom; dragging or the arrow keys move; a click marks a place. ",
-      el("span", { class: "key-line" }), " level (where one pixel holds many metres, from its least to its greatest value) ", el("span", { class: "key-band" }), " 95 % band ",
-      el("span", { class: "key-unknown" }), " not known ", el("span", { class: "key-unjudged" }), " not judged"));
+  const schematic = el("canvas", { class: "schematic", role: "img", "aria-label": "Defects along the line" });
+  const strips = app.bands.map((band) => ({ band, box: chartBox(`Level in ${band.name} with its 95 % interval`), chart: null, whole: null, tile: null }));
+  const sections = { box: chartBox("Standard deviation per section", "low"), name: el("span", {}), chart: null };
+  const range = el("output", { class: "range" }), reading = el("output", { class: "reading" }), marked = el("span", { class: "picked" });
+  const marks = { schematic: [], defects: [], sections: [] };
+  let view = null, selection = "", bar = null, loading = 0, saving = 0, abort = null;
 
   const port = {
-    view: () => view, whole: () => app.whole(), box: () => boxOf(strips[0].canvas.clientWidth, 1, MARGINS),
+    view: () => view, whole: () => app.whole(), point: read,
     show: (next) => { show(next); save(); },
-    point: (place) => read(place),
-    pick: (place) => { app.note({ at: place }); draw(); },
+    pick: (distance) => { app.note({ at: distance }); draw(); },
   };
-  for (const one of [...strips.map((each) => each.canvas), sections]) handle(one, port);
-  pickOn(schematic, () => bar, () => app.whole(), (place, done) => {
+  const move = (key) => port.show(afterKey(key, view, app.whole()));
+  const tools = el("div", { class: "tools" },
+    BUTTONS.map(([key, name, sign]) => button(name, sign, () => move(key))),
+    kilometreForm({ name: "kilometre to go to", whole: app.whole, refuse: app.report, go: (distance) => {
+      const [from, to] = clamped([distance - 500, distance + 500], app.whole());
+      app.go({ from, to, at: distance });
+    } }), range, marked);
+  const charts = el("section", { id: "charts", tabindex: 0, "aria-label": "Charts: + and − zoom, arrow keys move, Home shows the whole line", onkeydown: (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || !afterKey(event.key, view, app.whole())) return;
+    event.preventDefault();
+    move(event.key);
+  } },
+  strips.map(({ band, box }) => [el("h2", { class: "strip-name" }, band.name, el("span", {}, `${band.shortest_m} to ${band.longest_m} m, level in mm`)), box]),
+  el("h2", { class: "strip-name" }, "Standard deviation", sections.name), sections.box);
+  fill(root, schematic, tools, reading, charts, hint());
+  addPicking(schematic, () => bar, () => app.whole(), (distance, isLast) => {
     const [start, end] = app.whole(), length = Math.min(view[1] - view[0], (end - start) / 20);
-    show(held([place - length / 2, place + length / 2], app.whole()));
-    if (done) app.go({ from: view[0], to: view[1] });
+    show(clamped([distance - length / 2, distance + length / 2], app.whole()));
+    if (isLast) app.go({ from: view[0], to: view[1] });
   });
 
-  function keyed(event) {
-    const next = event.ctrlKey || event.metaKey || event.altKey ? null : moved(event.key, view, app.whole());
-    if (!next) return;
-    event.preventDefault();
-    show(next);
-    save();
-  }
-
-  function jump() {
-    const place = Number(field.value.replace(",", ".").replace(/^\s*km/i, "")) * 1000;
-    const [start, end] = app.whole();
-    if (!field.value.trim() || !(place >= start && place <= end)) {
-      app.say(`Type a kilometre from ${number(start / 1000, 3)} to ${number(end / 1000, 3)}.`);
-      return;
-    }
-    const next = held([place - 500, place + 500], app.whole());
-    app.go({ from: next[0], to: next[1], at: place });
-  }
-
-  /** Shows a stretch at once from what is here; finer data follow. */
+  /** Shows a stretch at once from loaded data; finer data follow. */
   function show(next) {
     view = next;
     requestAnimationFrame(() => draw());
-    clearTimeout(timer);
-    timer = setTimeout(() => load().catch(failed), WAIT);
-    app.busy(true);
+    clearTimeout(loading);
+    loading = setTimeout(() => load().catch(app.reportFailure), LOAD_DELAY_MS);
+    app.setBusy(true);
   }
 
+  /** Writes the stretch into the address. */
   function save() {
     clearTimeout(saving);
     const isWhole = view[1] - view[0] > 0.9999 * (app.whole()[1] - app.whole()[0]);
-    saving = setTimeout(() => { app.note({ from: isWhole ? undefined : view[0], to: isWhole ? undefined : view[1] }); draw(); }, 250);
+    saving = setTimeout(() => { app.note({ from: isWhole ? undefined : view[0], to: isWhole ? undefined : view[1] }); draw(); }, SAVE_DELAY_MS);
   }
 
-  const failed = (error) => { if (error.name !== "AbortError") { app.say(error.message); app.busy(false); } };
-  const best = (one) => (one.tile && covers(one.tile, view) ? one.tile : one.whole);
+  const finest = (strip) => (strip.tile && covers(strip.tile, view) ? strip.tile : strip.whole);
 
   async function load() {
-    stop?.abort();
-    stop = new AbortController();
-    const { signal } = stop, where = app.where(), whole = app.whole(), width = 2 * Math.max(200, Math.round(port.box().width));
-    const tile = tileOf(view, whole, width), [from, to] = [tile.from, tile.to];
-    const wanted = strips.map(async (one) => {
-      if (!one.whole) one.whole = await ask("strip", { ...where, band: one.band.name, from: whole[0], to: whole[1], width }, signal);
-      if (tile.width) one.tile = await ask("strip", { ...where, band: one.band.name, from, to, width: tile.width }, signal);
+    abort?.abort();
+    abort = new AbortController();
+    const { signal } = abort, parameters = app.selection(), whole = app.whole(), pixels = 2 * Math.max(200, charts.clientWidth);
+    const tile = tileOf(view, whole, pixels), { from, to } = tile;
+    const levels = strips.map(async (strip) => {
+      const band = strip.band.name;
+      strip.whole ??= await request("level", { ...parameters, band, from: whole[0], to: whole[1], max_bins: pixels }, signal);
+      if (tile.bins) strip.tile = await request("level", { ...parameters, band, from, to, max_bins: tile.bins }, signal);
       requestAnimationFrame(() => draw());
     });
     const others = [
-      ask("schematic", { ...where, bins: 400 }, signal).then((found) => { marks.bins = found.bins; }),
-      ask("defects", { ...where, from, to, count: 500 }, signal).then((found) => { marks.defects = found.total > found.defects.length ? [] : found.defects; }),
-      ask("sections", { ...where, band: strips[0].band.name, from, to, count: Math.max(50, Math.round(width / 8)) }, signal).then((found) => { marks.sections = found.sections; ofSections.textContent = sectionsName(found); }),
+      request("schematic", { ...parameters, bins: SCHEMATIC_BINS }, signal).then((answer) => { marks.schematic = answer.bins; }),
+      request("defects", { ...parameters, from, to, count: MAX_DEFECTS }, signal).then((answer) => { marks.defects = answer.total > answer.defects.length ? [] : answer.defects; }),
+      request("sections", { ...parameters, band: strips[0].band.name, from, to, count: Math.max(50, Math.round(pixels / 8)) }, signal).then((answer) => {
+        marks.sections = answer.sections;
+        sections.name.textContent = sectionsText(answer);
+      }),
     ];
-    await Promise.all([...wanted, ...others]);
+    await Promise.all([...levels, ...others]);
     draw();
-    app.busy(false);
-  }
-
-  function sectionsName(found) {
-    if (!found.length_m) return "none stored";
-    const grouped = found.grouped > 1 ? `, the worst of every ${found.grouped} sections` : "";
-    return `of ${found.band} per ${found.length_m} m in mm, with its 95 % interval${grouped}`;
+    app.setBusy(false);
   }
 
   function draw(next = view) {
     view = next;
     if (!view || !root.contains(charts)) return;
     const pinned = app.state.at;
-    bar = drawSchematic(schematic, { whole: app.whole(), view, bins: marks.bins });
-    for (const one of strips) {
-      const strip = best(one);
-      drawStrip(one.canvas, { strip, view, limits: strip?.limits || [], defects: marks.defects.filter((each) => each.band === one.band.name), pinned });
+    bar = drawSchematic(schematic, { whole: app.whole(), view, marks: marks.schematic, chainage });
+    for (const strip of strips) {
+      strip.chart ??= levelChart(strip.box, { port, chainage, group: GROUP });
+      const envelope = finest(strip);
+      strip.chart.update({ envelope, view, limits: envelope?.limits || [], defects: marks.defects.filter((one) => one.band === strip.band.name), pinned });
     }
-    drawSections(sections, { sections: marks.sections, view });
-    range.textContent = `${km(view[0])} to ${km(view[1])} (${span(view[1] - view[0])})`;
-    fill(picked, pinned !== undefined && ["marked ", km(pinned), ": ",
-      el("a", { href: app.href({ view: "place" }) }, "its development"), " · ",
-      el("a", { href: app.href({ view: "compare", from: Math.max(app.whole()[0], pinned - 100), to: Math.min(app.whole()[1], pinned + 100) }) }, "two dates there")]);
+    sections.chart ??= sectionChart(sections.box, { port, chainage, group: GROUP });
+    sections.chart.update({ sections: marks.sections, view });
+    range.textContent = `${km(view[0])} to ${km(view[1])} (${lengthText(view[1] - view[0])})`;
+    fill(marked, pinned !== undefined && markedLinks(app, pinned));
     read(null);
   }
 
-  /** The values under the pointer; at the middle where there is none. */
-  function read(place) {
-    const at = place ?? app.state.at ?? (view[0] + view[1]) / 2;
-    if (place !== null && (at < view[0] || at > view[1])) return;
-    const parts = strips.map((one) => {
-      const found = valueAt(best(one), at);
-      if (!found) return `${one.band.name} not known`;
-      const why = reasonsAt(best(one), at);
-      return `${one.band.name} ${between(found)}${why && ` (not judged: ${why})`}`;
+  /** Shows the values under the pointer; without one, at the marked location or in the middle. */
+  function read(distance) {
+    const at = distance ?? app.state.at ?? (view[0] + view[1]) / 2;
+    if (distance !== null && (at < view[0] || at > view[1])) return;
+    const parts = strips.map((strip) => {
+      const envelope = finest(strip), level = levelAt(envelope, at);
+      if (!level) return `${strip.band.name} not known`;
+      const reasons = envelope.not_assessed.find((one) => one.start_m <= at && at <= one.end_m)?.reasons;
+      return `${strip.band.name} ${levelText(level)}${reasons ? ` (not assessed: ${reasons})` : ""}`;
     });
     fill(reading, el("strong", {}, km(at)), parts.map((text) => el("span", {}, text)));
   }
 
   return {
     async update(state) {
-      const { line, direction, day, entry } = app.where(), now = JSON.stringify([line, direction, day, entry]), whole = app.whole();
-      if (now !== asked) {
-        marks = { ...marks, bins: [], defects: [], sections: [] };
-        for (const one of strips) one.whole = one.tile = null;
+      const now = JSON.stringify(app.selection()), whole = app.whole();
+      if (now !== selection) {
+        Object.assign(marks, { schematic: [], defects: [], sections: [] });
+        for (const strip of strips) strip.whole = strip.tile = null;
       }
-      const next = held([state.from ?? whole[0], state.to ?? whole[1]], whole);
-      clearTimeout(timer);
+      clearTimeout(loading);
       clearTimeout(saving);
-      draw(next);
-      asked = now;
-      app.busy(true);
+      draw(clamped([state.from ?? whole[0], state.to ?? whole[1]], whole));
+      selection = now;
+      app.setBusy(true);
       await load();
     },
     draw: () => draw(),
-    leave() { stop?.abort(); clearTimeout(timer); clearTimeout(saving); },
+    leave() { abort?.abort(); clearTimeout(loading); clearTimeout(saving); },
   };
+}
+
+function hint() {
+  const key = (name, text) => el("span", { class: "whole" }, el("span", { class: `key-${name}` }), text);
+  return el("p", { class: "hint" }, "Zoom with the wheel, + and −, or two fingers; move by dragging or with the arrow keys; click to mark a location. ",
+    key("line", " level (range from minimum to maximum where a pixel covers many metres) "), key("band", " 95 % interval "), key("unknown", " not known "), key("not-assessed", " known, but not assessed. "),
+    "Marks of required actions: square immediate action, diamond intervention, triangle alert, dot possible.");
+}
+
+function sectionsText({ length_m: length, group_size: group, band }) {
+  if (!length) return "no sections stored";
+  return `in ${band} per ${length} m, in mm, with its 95 % interval${group > 1 ? `; the worst of every ${group} sections` : ""}`;
+}
+
+function markedLinks(app, distance) {
+  const [start, end] = app.whole();
+  return ["marked ", km(distance), ": ", el("a", { href: app.href({ view: "location" }) }, "development over time"), " · ",
+    el("a", { href: app.href({ view: "compare", from: Math.max(start, distance - 100), to: Math.min(end, distance + 100) }) }, "compare two dates")];
 }
