@@ -1,4 +1,4 @@
-"""Pictures: what is drawn is what the profile and the recording say."""
+"""Figures: what they draw agrees with the profile and the recording."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ STATED = a_profile(standard_deviation=DEVIATION, standard_deviation_D1=DEVIATION
 REPRODUCED = {"a": 0.9 * a_recording()["a"].to_numpy(), "q": a_recording()["q"].to_numpy()}
 
 
-def test_page_has_a_panel_for_each_band_and_two_for_each_sensor():
+def test_interactive_figure_has_a_panel_for_each_band_and_two_for_each_sensor():
     figure = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
     names = [trace.name for trace in figure.data]
     assert names == [
@@ -85,11 +85,11 @@ def test_page_has_a_panel_for_each_band_and_two_for_each_sensor():
     assert figure.layout.title.text == "<b>Track profile, a line, 0 to 500 m</b>"
 
 
-def test_picture_has_the_same_panels_as_the_page():
-    page = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
-    picture = static_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
-    titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in picture.axes]
-    assert titles == [note.text for note in page.layout.annotations]
+def test_static_figure_has_the_same_panels_as_the_interactive_one():
+    interactive = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
+    static = static_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
+    titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in static.axes]
+    assert titles == [note.text for note in interactive.layout.annotations]
 
 
 def test_interval_is_196_standard_deviations_to_each_side_in_millimetres():
@@ -103,14 +103,14 @@ def test_interval_is_196_standard_deviations_to_each_side_in_millimetres():
     assert d2.interval is None
 
 
-def test_page_draws_the_interval_around_the_elevation():
+def test_interactive_figure_draws_the_interval_around_the_elevation():
     interval, elevation = interactive_profile_figure(STATED).data[:2]
     there, back = np.split(np.asarray(interval.y)[:-1], 2)
     assert back[::-1] - elevation.y == pytest.approx(1.96e3 * DEVIATION)
     assert elevation.y - there == pytest.approx(1.96e3 * DEVIATION)
 
 
-def test_residual_is_measured_less_reproduced_where_the_sample_is_valid():
+def test_residual_is_measured_minus_reproduced_where_the_sample_is_valid():
     panels = profile_chart(a_profile(), a_recording(), None, REPRODUCED).panels
     residual = panels[4].lines[0]
     good = DISTANCE < 400
@@ -120,14 +120,14 @@ def test_residual_is_measured_less_reproduced_where_the_sample_is_valid():
     assert panels[4].about == "RMS 0.071 m/s², of 0.71 m/s² measured"
 
 
-def test_samples_stand_where_they_are_said_to_stand():
+def test_samples_are_drawn_at_the_given_distance():
     chart = profile_chart(a_profile(), a_recording(), DISTANCE + 9.0, {})
     assert chart.panels[3].lines[0].x[0] == 9.0
     assert [line.name for line in chart.panels[3].lines] == ["measured"]
 
 
 @pytest.mark.parametrize("kind", ["missing elevation", "flag", "missing rows"])
-def test_gaps_are_shaded_and_nothing_is_drawn_there(kind):
+def test_gaps_are_shaded_and_empty(kind):
     inside = (DISTANCE > 100) & (DISTANCE < 150)
     level = np.where(inside, np.nan if kind == "missing elevation" else 5.0, LEVEL)
     quality = inside.astype(np.int8)
@@ -168,7 +168,7 @@ def test_decimation_keeps_one_point_of_every_gap():
     assert np.isnan(values[extremes(values)]).any()
 
 
-def test_a_long_profile_stays_light_and_says_how():
+def test_a_long_profile_is_decimated_and_the_note_says_so():
     distance = np.arange(0.0, 10_000.0, 0.25)
     level = np.sin(distance)
     level[12_345] = 5.0
@@ -178,7 +178,7 @@ def test_a_long_profile_stays_light_and_says_how():
     assert "extremes of 2000 pieces" in figure.layout.title.subtitle.text
 
 
-def test_page_asks_nothing_of_any_network(tmp_path):
+def test_html_figure_needs_no_network(tmp_path):
     write_html(interactive_profile_figure(STATED), tmp_path / "page")
     page = (tmp_path / "page").read_text(encoding="utf-8")
     assert "<title>Track profile, 0 to 500 m</title>" in page
@@ -187,14 +187,14 @@ def test_page_asks_nothing_of_any_network(tmp_path):
     assert len(page) > 1_000_000
 
 
-def test_picture_is_written_as_png_whatever_the_suffix(tmp_path):
+def test_static_figure_is_written_as_png_for_any_suffix(tmp_path):
     write_png(
         static_profile_figure(STATED, a_recording(), reproduced=REPRODUCED), tmp_path / "p.part"
     )
     assert (tmp_path / "p.part").read_bytes().startswith(b"\x89PNG")
 
 
-def test_what_does_not_fit_the_recording_is_refused():
+def test_arrays_that_do_not_fit_the_recording_are_refused():
     recording = a_recording()
     with pytest.raises(DataError, match="Reproduced b: the recording has only a, q"):
         interactive_profile_figure(STATED, recording, reproduced={"b": DISTANCE})
@@ -206,13 +206,13 @@ def test_what_does_not_fit_the_recording_is_refused():
         static_profile_figure(STATED, recording.drop_vars("distance"))
 
 
-def test_importing_the_room_loads_neither_plotly_nor_matplotlib():
+def test_importing_the_package_loads_neither_plotly_nor_matplotlib():
     code = "import sys, trackprofile.reporting.figures; print({'plotly', 'matplotlib'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 
 
-def a_ride(force=150e3, deflection=-1.6e-3):
+def a_run(force=150e3, deflection=-1.6e-3):
     wheels = np.ones((DISTANCE.size, 2))
     names = (("body", "heave"), ("wheel 1", "heave"), ("wheel 2", "heave"))
     still = np.zeros((DISTANCE.size, 3))
@@ -222,8 +222,8 @@ def a_ride(force=150e3, deflection=-1.6e-3):
     )  # fmt: skip
 
 
-def test_chart_of_a_ride_shows_profile_signals_forces_and_deflections_in_their_units():
-    chart = simulation_chart(a_profile(), a_recording(), a_ride(), "A ride")
+def test_simulation_chart_shows_profile_signals_forces_and_deflections_in_their_units():
+    chart = simulation_chart(a_profile(), a_recording(), a_run(), "A run")
     assert [(panel.name, panel.unit) for panel in chart.panels] == [
         ("Profile", "mm"),
         ("Vertical acceleration", "m/s²"),
@@ -236,12 +236,12 @@ def test_chart_of_a_ride_shows_profile_signals_forces_and_deflections_in_their_u
     assert signal.name == "simulated"
     assert force.y == pytest.approx(150.0)
     assert deflection.y == pytest.approx(-1.6)
-    assert chart.title == "A ride, 0 to 500 m"
+    assert chart.title == "A run, 0 to 500 m"
     assert chart.note.startswith("72 to 108 km/h")
 
 
-def test_every_wheel_of_a_ride_has_a_colour_of_its_own_that_no_other_line_has():
-    *_, force, deflection = simulation_chart(a_profile(), a_recording(), a_ride(), "").panels
+def test_every_wheel_has_a_colour_that_no_other_line_has():
+    *_, force, deflection = simulation_chart(a_profile(), a_recording(), a_run(), "").panels
     assert [line.name for line in force.lines] == ["wheel 1", "wheel 2"]
     assert [line.colour for line in force.lines] == [line.colour for line in deflection.lines]
     colours = [
@@ -252,16 +252,19 @@ def test_every_wheel_of_a_ride_has_a_colour_of_its_own_that_no_other_line_has():
     assert len({*colours, *(line.colour for line in force.lines)}) == len(set(colours)) + 2
 
 
-def test_a_rigid_track_has_no_deflection_to_draw_and_lift_off_is_said_beside_the_forces():
-    chart = simulation_chart(a_profile(), a_recording(), a_ride(force=-1e3, deflection=0.0), "")
+def test_a_rigid_track_has_no_deflection_panel_and_lift_off_is_noted_with_the_forces():
+    chart = simulation_chart(a_profile(), a_recording(), a_run(force=-1e3, deflection=0.0), "")
     assert chart.panels[-1].name == "Contact force"
     assert chart.panels[-1].about == "-1 to -1 kN: below 0 the wheel would lift off"
 
 
-def test_picture_of_a_ride_has_the_same_panels_as_its_page():
-    ridden = (a_profile(), a_recording(), a_ride(), "A ride")
-    page, picture = interactive_simulation_figure(*ridden), static_simulation_figure(*ridden)
-    titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in picture.axes]
-    assert titles == [note.text for note in page.layout.annotations]
-    names = [trace.name for trace in page.data]
+def test_static_simulation_figure_has_the_same_panels_as_the_interactive_one():
+    simulation = (a_profile(), a_recording(), a_run(), "A run")
+    interactive, static = (
+        interactive_simulation_figure(*simulation),
+        static_simulation_figure(*simulation),
+    )
+    titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in static.axes]
+    assert titles == [note.text for note in interactive.layout.annotations]
+    names = [trace.name for trace in interactive.data]
     assert names == ["elevation", "simulated", "simulated", *["wheel 1", "wheel 2"] * 2]

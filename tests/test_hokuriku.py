@@ -144,7 +144,7 @@ def test_report_names_the_same_sections_as_that_of_the_measured_level(profile, l
         min(abs(one.standard_deviation - bound) for bound in one.classes.below.values()) < 1e-4
         for one in apart
     )
-    made = Report("a", found, ChainageTable(), {}, "0", beside=measured, beside_name="measured")
+    made = Report("a", found, ChainageTable(), {}, "0", compared=measured, compared_name="measured")
     for sentence in differences(made):
         sys.stdout.write(sentence + "\n")
 

@@ -1,4 +1,4 @@
-"""The report: in words, as a page in a real browser, for print; and the commands that make it."""
+"""The report: its sentences, its HTML in a real browser, its PDF, and the commands that write it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SPEED = 140 * KM_H
 BROWSER = (
     shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 )
-WAY = ChainageTable([0.0, 3000.0], [40.0, 37.0], [0.0, 3000.0], [47.0, 47.02], [8.0, 8.01])
+CHAINAGE = ChainageTable([0.0, 3000.0], [40.0, 37.0], [0.0, 3000.0], [47.0, 47.02], [8.0, 8.01])
 
 
 def profile_of(length: float, seed: int = 1, deviation: float = 3e-4, gap: bool = True):
@@ -71,26 +71,27 @@ def found(profile):
     return assess(profile, EN, SPEED, spectra={"fra-6": read_spectrum("fra-6")})
 
 
-def test_words_say_the_gravest_first_with_place_size_and_chance(found) -> None:
-    said = summary(found, WAY)
+def test_summary_begins_with_the_most_severe_defect(found) -> None:
+    sentences = summary(found, CHAINAGE)
     assert re.match(
-        r"1 place calls for immediate action: km 38\.350 \(D1, \d+\.\d ± 0\.6 mm down", said[0]
+        r"1 location requires immediate action: km 38\.350 \(D1, \d+\.\d ± 0\.6 mm down",
+        sentences[0],
     )
-    assert "beyond 23 mm with" in said[0]
-    assert said[1].startswith("This obliges to: reduce the risk of derailment")
-    assert any(text.startswith("Judged: ") for text in said)
+    assert "exceeds 23 mm with" in sentences[0]
+    assert sentences[1].startswith("Required action: reduce the risk of derailment")
+    assert any(text.startswith("Assessed length: ") for text in sentences)
 
 
-def test_words_on_good_track_say_that_nothing_is_called_for() -> None:
+def test_summary_of_good_track_requires_no_action() -> None:
     at = np.arange(0.0, 500.0, 0.25)
     flat = build_profile(at, 1e-4 * np.sin(at), kind="truth")
     assert summary(assess(flat, EN, SPEED, bands=[D1]), ChainageTable())[0].startswith(
-        "No place calls"
+        "No location requires an action"
     )
 
 
-def test_tables_hold_every_defect_and_section_with_its_units(found) -> None:
-    made = tables(found, WAY)
+def test_tables_contain_every_defect_and_section(found) -> None:
+    made = tables(found, CHAINAGE)
     assert len(made["defects"]["band"]) == len(found.defects)
     assert len(made["sections"]["band"]) == len(found.sections)
     deepest = int(np.argmin(made["defects"]["height_mm"]))
@@ -101,8 +102,8 @@ def test_tables_hold_every_defect_and_section_with_its_units(found) -> None:
     assert made["spectra"]["nearest_spectrum"] == ["fra-6"] * 3
 
 
-def test_map_has_the_defects_where_they_are(found) -> None:
-    collection = geojson(found, WAY)
+def test_geojson_has_the_coordinates_of_the_defects(found) -> None:
+    collection = geojson(found, CHAINAGE)
     assert len(collection["features"]) == len(found.defects)
     one = collection["features"][0]
     east, north = one["geometry"]["coordinates"]
@@ -111,25 +112,31 @@ def test_map_has_the_defects_where_they_are(found) -> None:
     assert geojson(found, ChainageTable())["features"] == []
 
 
-def test_charts_hold_the_level_to_a_hundredth_of_a_millimetre(found) -> None:
+def test_chart_data_have_a_resolution_of_a_hundredth_of_a_millimetre(found) -> None:
     import base64
 
-    drawn = chart_data(found, WAY, found)
+    drawn = chart_data(found, CHAINAGE, found)
     counts = np.frombuffer(base64.b64decode(drawn["bands"][0]["level"]), "<i2")
     level = found.levels["D1"].level
     known = np.isfinite(level)
     assert np.abs(counts[known] * 1e-5 - level[known]).max() <= 5.01e-6
     assert (counts[~known] == -32768).all()
-    assert drawn["bands"][0]["beside"] == drawn["bands"][0]["level"]
-    assert drawn["kilometres"][0] == 40.0
+    assert drawn["bands"][0]["compared"] == drawn["bands"][0]["level"]
+    assert drawn["chainage_km"][0] == 40.0
 
 
-def test_page_holds_itself_and_what_it_says_is_escaped(found, tmp_path: Path) -> None:
+def test_html_is_self_contained_and_escaped(found, tmp_path: Path) -> None:
     (page,) = report(
-        found, tmp_path / "r.html", title="<Line> & more", way=WAY, beside=found, beside_name="twin"
+        found,
+        tmp_path / "r.html",
+        title="<Line> & more",
+        chainage=CHAINAGE,
+        compared=found,
+        compared_name="twin",
     )
     text = page.read_text(encoding="utf-8")
     assert not re.search(r"""(src|href)=["']https?:""", text)
+    assert not re.search(r"^(import|export) ", text, re.MULTILINE)
     assert "&lt;Line&gt; &amp; more" in text
     assert "not verified against the standard" in text
     assert 'href="#at=' in text
@@ -137,20 +144,20 @@ def test_page_holds_itself_and_what_it_says_is_escaped(found, tmp_path: Path) ->
     assert text.count("<polyline") == 2  # this profile's spectrum and the known one's
 
 
-def test_report_is_printed_too(found, tmp_path: Path) -> None:
+def test_report_as_pdf_has_text_charts_and_tables(found, tmp_path: Path) -> None:
     files = report(found, tmp_path / "r.pdf", tmp_path / "r.html")
     assert files[0].read_bytes().startswith(b"%PDF")
     assert files[0].read_bytes().count(b"/Type /Page ") >= 3
 
 
-def test_report_to_another_kind_of_file_is_refused(found, tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"a report goes to a file that ends in .html, .pdf"):
+def test_report_with_another_suffix_is_refused(found, tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"a file name that ends in .html or .pdf for a report"):
         report(found, tmp_path / "r.docx")
     assert not list(tmp_path.iterdir())
 
 
 def browsed(page: Path, tmp_path: Path, fragment: str = "") -> tuple[str, list[str]]:
-    """The page's elements after its script ran, and what it wrote to the console."""
+    """Elements of the HTML after its script ran, and what it wrote to the console."""
     assert BROWSER is not None
     done = subprocess.run(
         [
@@ -164,15 +171,16 @@ def browsed(page: Path, tmp_path: Path, fragment: str = "") -> tuple[str, list[s
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this system")
-def test_page_draws_in_a_real_browser_without_an_error(found, tmp_path: Path) -> None:
-    (page,) = report(found, tmp_path / "r.html", way=WAY)
-    drawn, said = browsed(page, tmp_path, "#at=1650.0&span=200")
-    assert said == []
+def test_charts_draw_in_a_real_browser_without_an_error(found, tmp_path: Path) -> None:
+    (page,) = report(found, tmp_path / "r.html", chainage=CHAINAGE)
+    drawn, messages = browsed(page, tmp_path, "#at=1650.0&span=200")
+    assert messages == []
     assert re.search(r'data-drawn="[\d.]+"', drawn)
     assert "km 38.450 to 38.250, 200 m" in drawn
+    assert drawn.count("<canvas") == 5  # three levels, the sections, the schematic
 
 
-def test_assess_command_prints_words_and_writes_tables(profile, tmp_path: Path, run: Run) -> None:
+def test_assess_prints_a_summary_and_writes_tables(profile, tmp_path: Path, run: Run) -> None:
     write(profile, tmp_path / "p.nc")
     way = tmp_path / "way.csv"
     way.write_text(
@@ -184,7 +192,7 @@ def test_assess_command_prints_words_and_writes_tables(profile, tmp_path: Path, 
         *(word for path in outputs for word in ("-o", path)),
     )  # fmt: skip
     assert code == 0
-    assert "1 place calls for immediate action: km 38.350" in out
+    assert "1 location requires immediate action: km 38.350" in out
     assert "not verified" in err
     rows = list(csv.DictReader((tmp_path / "a-defects.csv").read_text().splitlines()))
     assert {"height_mm", "probability_alert", "obliges_to"} <= rows[0].keys()
@@ -244,7 +252,7 @@ def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
         (["changes", "P", "P"], "expected a profile and its day"),
     ],
 )  # fmt: skip
-def test_wrong_use_is_one_sentence_and_nothing_is_written(
+def test_wrong_use_is_reported_in_one_sentence_and_nothing_is_written(
     arguments: list[str], message: str, tmp_path: Path, run: Run, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -258,7 +266,7 @@ def test_wrong_use_is_one_sentence_and_nothing_is_written(
     assert out == ""
 
 
-def test_profile_shorter_than_a_band_is_judged_in_the_others(tmp_path: Path, run: Run) -> None:
+def test_profile_shorter_than_a_band_is_assessed_in_the_others(tmp_path: Path, run: Run) -> None:
     write(profile_of(60.0, gap=False), tmp_path / "p.nc")
     code, _out, err = run("assess", tmp_path / "p.nc", "--speed", "140 km/h")
     assert code == 0

@@ -349,7 +349,8 @@ def test_of_many_passes_some_are_used_and_the_omitted_ones_counted(
 
 def test_two_dates_differ_only_where_the_track_settled(client: httpx.Client) -> None:
     found = ask(
-        client, "compare", **LAST, compared_day=str(DAYS[0]), band="D1", from_=START + 2700, to=START + 3700, max_bins=8000
+        client, "compare", **LAST, compared_day=str(DAYS[0]), band="D1", from_=START + 2700, to=START + 3700,
+        max_bins=8000,
     )  # fmt: skip
     assert (found["first_day"], found["second_day"]) == (str(DAYS[0]), str(DAYS[-1]))
     assert [round(one["peak_m"] - START - SETTLES) for one in found["locations"]] == [0]

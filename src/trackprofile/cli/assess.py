@@ -154,8 +154,8 @@ def report(
         changed = _changed(all_passes, limits, speed)
     sources = {"profile file": profile.name, "limits file": limits}
     files = write_report(
-        found, *output, title=title, way=along, sources=sources, beside=other,
-        beside_name="" if beside is None else beside.name, changes=changed,
+        found, *output, title=title, chainage=along, sources=sources, compared=other,
+        compared_name="" if beside is None else beside.name, trend=changed,
     )  # fmt: skip
     said = [headline(found, along), *summary(found, along)]
     if as_json:
@@ -186,7 +186,7 @@ def changes(
     """Say what changed between passes over the same place, how fast, and when a limit is reached."""
     from trackprofile.assessment.tables import change_table, repeatability_table
     from trackprofile.io.result_tables import table_files, write_tables
-    from trackprofile.reporting.summary import changes_summary
+    from trackprofile.reporting.summary import trend_summary
 
     if output is not None:
         table_files(output, CHANGE_TABLES)
@@ -194,7 +194,7 @@ def changes(
     found = _changed([dated(one, rail) for one in profiles], limits, speed)
     made = {"changes": change_table(found, along), "repeatability": repeatability_table(found)}
     files = () if output is None else write_tables(made, output)
-    said = changes_summary(found, along)
+    said = trend_summary(found, along)
     if as_json:
         about: dict[str, Any] = {"summary": said, "notes": list(found.notes)}
         show.as_one_object({"files": list(map(str, files))} | about | made)

@@ -57,7 +57,9 @@ def serve(
     token = None if token_file is None else read_token(token_file)
     on = bind(host, port, token, name or ())
     if as_json:
-        show.as_one_object({"address": on.address, "token": on.settings.token if on.token_generated else None})
+        show.as_one_object(
+            {"address": on.address, "token": on.settings.token if on.token_generated else None}
+        )
     else:
         show.say(f"Open {on.address} in a browser; Ctrl-C ends it.")
         if on.token_generated:

@@ -9,7 +9,7 @@ from trackprofile import __version__
 from trackprofile.fleet.batch import BatchResult
 from trackprofile.fleet.batch_tables import recordings, sentences
 from trackprofile.fleet.job import JobResult, State
-from trackprofile.reporting.html import MOST_ROWS, document, plain
+from trackprofile.reporting.html import MAX_ROWS, html_document, html_table
 
 ELSEWHERE = "the tables that -o night.csv and --json give"
 
@@ -23,9 +23,9 @@ def html(night: BatchResult, manifest: str) -> str:
         f'<h1>{escape(title)}</h1><p class="where">Store {escape(night.store)}; trackprofile {__version__}</p>',
         f'<ul class="first">{said}</ul>',
         _failed(night.of(State.FAILED)),
-        f"<h2>All recordings</h2>{plain(shown, 'recordings', ELSEWHERE)}",
+        f"<h2>All recordings</h2>{html_table(shown, 'recordings', ELSEWHERE)}",
     ]
-    return document(title, "\n".join(parts))
+    return html_document(title, "\n".join(parts))
 
 
 def _failed(outcomes: Sequence[JobResult]) -> str:
@@ -34,8 +34,8 @@ def _failed(outcomes: Sequence[JobResult]) -> str:
     items = "".join(
         f"<li>{one.row.number}, {escape(one.row.file.name)} ({escape(one.row.line)}, {escape(one.row.run or '–')}): "
         f"{escape(one.reason)}</li>"
-        for one in outcomes[:MOST_ROWS]
+        for one in outcomes[:MAX_ROWS]
     )
-    more = len(outcomes) - MOST_ROWS
+    more = len(outcomes) - MAX_ROWS
     rest = f"<p>{more} more are in {ELSEWHERE}.</p>" if more > 0 else ""
     return f'<h2>Failed, and why</h2><ul id="failed">{items}</ul>{rest}'

@@ -11,7 +11,7 @@ from trackprofile.assessment.limits import KM_H
 from trackprofile.assessment.tables import Table
 from trackprofile.fleet.capacity import Cost, Need, Network
 from trackprofile.fleet.cost_measurement import Sample
-from trackprofile.reporting.html import document, plain
+from trackprofile.reporting.html import html_document, html_table
 
 _DATA = (("PB", 1e15), ("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B", 1.0))
 
@@ -96,11 +96,11 @@ def html(plan: Plan) -> str:
     made = tables(plan)
     parts = [f"<h1>{escape(title(plan))}</h1>", f'<p class="where">{escape(_whence(plan))}</p>']
     parts += [
-        f"<h2>{escape(name.capitalize())}</h2>{plain(made[name], name)}"
+        f"<h2>{escape(name.capitalize())}</h2>{html_table(made[name], name)}"
         for name in ("needed", "measured", "assumed")
     ]
     parts.append(f"<p>Made anew by <code>{escape(plan.command)}</code>.</p>")
-    return document(title(plan), "\n".join(parts))
+    return html_document(title(plan), "\n".join(parts))
 
 
 def markdown(plan: Plan) -> str:

@@ -60,9 +60,7 @@ def chart_data(
     }
 
 
-def _band(
-    assessment: Assessment, level: BandLevel, compared: BandLevel | None
-) -> dict[str, Any]:
+def _band(assessment: Assessment, level: BandLevel, compared: BandLevel | None) -> dict[str, Any]:
     name = level.band.name
     limits = assessment.limits.defects_at(name, assessment.speed)
     heights: Mapping[Any, float] = limits.heights if limits else {}

@@ -1,8 +1,8 @@
-"""What a report is made of, and the parts of it that are the same on screen and on paper."""
+"""Contents of a report, and the parts of it that the HTML and the PDF share."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,37 +15,38 @@ from trackprofile.bands import edge_distance
 from trackprofile.positioning.chainage import ChainageTable
 
 _MILLI = 1e3
+_MAX_NAMED = 10
 
 
 @dataclass(frozen=True)
 class Report:
-    """What is reported.
+    """Contents of a report.
 
     Parameters
     ----------
-    title : of the report
+    title : title of the report
     assessment : of the profile
-    way : where its places are
-    sources : of what was used, by what it is: the profile's file, the limits' ...
-    version : of this program
-    beside, beside_name : an assessment of another profile of the same place, and what it is called
-    changes : since earlier passes
+    chainage : kilometres of its distances
+    sources : files and settings that were used, by name: the profile's file, the limit set ...
+    version : version of this program
+    compared, compared_name : assessment of another profile of the same track, and its name
+    trend : change since earlier passes
     """
 
     title: str
     assessment: Assessment
-    way: ChainageTable
+    chainage: ChainageTable
     sources: Mapping[str, str]
     version: str
-    beside: Assessment | None = None
-    beside_name: str = ""
-    changes: Trend | None = None
+    compared: Assessment | None = None
+    compared_name: str = ""
+    trend: Trend | None = None
 
 
 def method(report: Report) -> dict[str, str]:
-    """How the numbers came about, by name; what nobody stated is left out."""
-    found, about = report.assessment, report.assessment.about
-    limits = found.limits
+    """How the numbers were obtained, by name; entries without a value are omitted."""
+    assessment, about = report.assessment, report.assessment.about
+    limits = assessment.limits
     parts = {
         **report.sources,
         "profile": ", ".join(
@@ -56,20 +57,21 @@ def method(report: Report) -> dict[str, str]:
         "provenance": "; ".join(_steps(about.get("provenance", ""))),
         "bands": "; ".join(
             f"{name} {level.band.shortest:g} to {level.band.longest:g} m"
-            for name, level in found.levels.items()
+            for name, level in assessment.levels.items()
         ),
-        "filter": found.filter,
-        "edges": "a band is judged from "
+        "filter": assessment.filter,
+        "edges": "the assessment of a band begins "
         + ", ".join(
-            f"{edge_distance(level.band):.0f} m ({name})" for name, level in found.levels.items()
+            f"{edge_distance(level.band):.0f} m ({name})"
+            for name, level in assessment.levels.items()
         )
-        + " inside an end or gap",
-        "line speed": f"{found.speed / KM_H:.4g} km/h",
+        + " from an end or a gap",
+        "line speed": f"{assessment.speed / KM_H:.4g} km/h",
         "limits": f"{limits.name}; {limits.source}",
-        "probability": "that the true level exceeds a limit somewhere in the defect, from the profile's stated "
-        f"uncertainty; listed from {100 * found.least_probability:g} %",
-        "standard deviation": "of the true level over a section, with its 95 % interval; of_estimate is that of the "
-        "estimate itself, which is too smooth by what it does not know",
+        "probability": "probability that the true level exceeds the limit somewhere in the defect, from the "
+        f"uncertainty that the profile states; defects are listed from {100 * assessment.least_probability:g} %",
+        "standard deviation": "standard deviation of the true level over a section, with its 95 % interval; "
+        "of_estimate is that of the estimated level, which is smoother than the true one",
         "version": f"trackprofile {report.version}",
     }
     return {name: text for name, text in parts.items() if text}
@@ -80,71 +82,93 @@ def _steps(provenance: str) -> list[str]:
 
 
 def differences(report: Report) -> list[str]:
-    """How the sections and defects of the other profile differ, where both are, in sentences."""
-    other = report.beside
-    if other is None:
+    """Differences of sections and defects from the compared profile, in sentences."""
+    if report.compared is None:
         return []
-    found, said = report.assessment, []
-    for band in found.levels:
-        pairs = _same_sections(found, other, band)
-        if not pairs:
-            continue
-        judged = [(one, two) for one, two in pairs if one.classes and two.classes]
-        same = [one.quality_class == two.quality_class for one, two in judged]
-        ratio = np.array([[one.standard_deviation, two.standard_deviation] for one, two in pairs])
-        inside = [one.low <= two.standard_deviation <= one.high for one, two in pairs]
-        text = (
-            f"{band}: standard deviation over {len(pairs)} sections {_MILLI * ratio[:, 0].mean():.2f} mm here, "
-            f"{_MILLI * ratio[:, 1].mean():.2f} mm there, root mean square of the difference "
-            f"{_MILLI * float(np.sqrt(np.mean(np.square(ratio[:, 0] - ratio[:, 1])))):.3f} mm; "
-            f"{sum(inside)} of {len(pairs)} lie in the stated 95 % interval"
-        )
-        if judged:
-            text += f"; {sum(same)} of {len(judged)} of the same class"
-            apart = [
-                f"{report.way.name(one.start)} ({one.quality_class} here, {two.quality_class} there)"
-                for one, two in judged
-                if one.quality_class != two.quality_class
-            ]
-            text += f", not {'; '.join(apart)}" if apart else ""
-        said.append(text + ".")
-    return [*said, *_defects_both(found, other, report.way)]
+    pairs = {
+        band: _same_sections(report.assessment, report.compared, band)
+        for band in report.assessment.levels
+    }
+    sentences = [
+        _section_differences(band, ones, report.chainage) for band, ones in pairs.items() if ones
+    ]
+    return [*sentences, _defect_differences(report.assessment, report.compared, report.chainage)]
+
+
+def _section_differences(
+    band: str, pairs: Sequence[tuple[Section, Section]], chainage: ChainageTable
+) -> str:
+    values = np.array([[one.standard_deviation, two.standard_deviation] for one, two in pairs])
+    inside = [one.low <= two.standard_deviation <= one.high for one, two in pairs]
+    rms = float(np.sqrt(np.mean(np.square(values[:, 0] - values[:, 1]))))
+    text = (
+        f"{band}: mean standard deviation of {len(pairs)} sections {_MILLI * values[:, 0].mean():.2f} mm, "
+        f"{_MILLI * values[:, 1].mean():.2f} mm in the compared profile, RMS difference {_MILLI * rms:.3f} mm; "
+        f"{sum(inside)} of {len(pairs)} compared values are in the stated 95 % interval"
+    )
+    classified = [(one, two) for one, two in pairs if one.classes and two.classes]
+    if not classified:
+        return f"{text}."
+    other_class = [(one, two) for one, two in classified if one.quality_class != two.quality_class]
+    text += f"; {len(classified) - len(other_class)} of {len(classified)} are of the same class"
+    names = [
+        f"{chainage.name(one.start)} ({one.quality_class}; compared: {two.quality_class})"
+        for one, two in other_class
+    ]
+    return f"{text}, except {'; '.join(names)}." if names else f"{text}."
 
 
 def _same_sections(
-    found: Assessment, other: Assessment, band: str
+    assessment: Assessment, compared: Assessment, band: str
 ) -> list[tuple[Section, Section]]:
-    there = {(one.band, one.start, one.end): one for one in other.sections}
+    """Sections of a band that both assessments have."""
+    others = {(one.band, one.start, one.end): one for one in compared.sections}
     return [
-        (one, there[key])
-        for one in found.sections
-        if one.band == band and (key := (one.band, one.start, one.end)) in there
+        (one, others[key])
+        for one in assessment.sections
+        if one.band == band and (key := (one.band, one.start, one.end)) in others
     ]
 
 
-def _defects_both(found: Assessment, other: Assessment, way: ChainageTable) -> list[str]:
-    def calling(one: Assessment) -> list[tuple[str, float, float, str]]:
-        return [(d.band, d.start, d.end, way.name(d.peak)) for d in one.defects if d.likely]
+@dataclass(frozen=True)
+class _DefectStretch:
+    """Extent [m] and name of a defect that requires an action."""
 
-    here, there = calling(found), calling(other)
+    band: str
+    start: float
+    end: float
+    name: str
 
-    def meets(
-        one: tuple[str, float, float, str], others: list[tuple[str, float, float, str]]
-    ) -> bool:
-        return any(one[0] == two[0] and one[1] < two[2] and two[1] < one[2] for two in others)
+    def overlaps(self, others: Sequence[_DefectStretch]) -> bool:
+        return any(
+            self.band == one.band and self.start < one.end and one.start < self.end
+            for one in others
+        )
 
-    start, end = max(found.start, other.start), min(found.end, other.end)
-    here, there = (
-        [one for one in ones if one[1] >= start and one[2] <= end] for ones in (here, there)
+
+def _defect_differences(
+    assessment: Assessment, compared: Assessment, chainage: ChainageTable
+) -> str:
+    """Defects in one of two assessments or in both, over the stretch that both have."""
+    start, end = max(assessment.start, compared.start), min(assessment.end, compared.end)
+    own, other = (
+        [
+            _DefectStretch(one.band, one.start, one.end, chainage.name(one.peak))
+            for one in each.defects
+            if one.likely and one.start >= start and one.end <= end
+        ]
+        for each in (assessment, compared)
     )
-    both = [one for one in here if meets(one, there)]
-    only_here = [one[3] for one in here if not meets(one, there)]
-    only_there = [one[3] for one in there if not meets(one, here)]
-    return [
-        f"Defects that call for something: {len(both)} in both, {len(only_here)} only here"
-        f"{_listed(only_here)}, {len(only_there)} only there{_listed(only_there)}."
-    ]
+    both = [one for one in own if one.overlaps(other)]
+    only_own = [one.name for one in own if not one.overlaps(other)]
+    only_other = [one.name for one in other if not one.overlaps(own)]
+    return (
+        f"Defects that require an action: {len(both)} in both profiles, {len(only_own)} only in this profile"
+        f"{_listed(only_own)}, {len(only_other)} only in the compared profile{_listed(only_other)}."
+    )
 
 
-def _listed(places: list[str]) -> str:
-    return f" ({', '.join(places[:10])}{' ...' if len(places) > 10 else ''})" if places else ""
+def _listed(names: Sequence[str]) -> str:
+    if not names:
+        return ""
+    return f" ({', '.join(names[:_MAX_NAMED])}{' ...' if len(names) > _MAX_NAMED else ''})"

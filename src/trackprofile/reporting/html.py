@@ -1,11 +1,10 @@
-"""The report as one HTML file that needs no network: words, charts, tables, method."""
+"""The report as one HTML file that needs no network: summary, charts, tables, caveats, method."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from html import escape
-from importlib.resources import files
 from typing import Any
 
 from trackprofile.assessment.assess import Assessment
@@ -14,136 +13,162 @@ from trackprofile.assessment.limits import Action
 from trackprofile.assessment.tables import Table, change_table, duty, tables, words
 from trackprofile.reporting.band_figures import chart_data
 from trackprofile.reporting.contents import Report, differences, method
-from trackprofile.reporting.spectrum_figure import drawing
-from trackprofile.reporting.summary import changes_summary, gravity, headline, percent, summary
+from trackprofile.reporting.spectrum_figure import spectrum_svg
+from trackprofile.reporting.summary import (
+    caveat_line,
+    headline,
+    percent,
+    severity,
+    summary,
+    trend_summary,
+)
+from trackprofile.reporting.web_files import report_script, report_style
 
-MOST_ROWS = 2000
-"""Defects in the page's table, the gravest; all are in the tables that `assess` writes."""
+MAX_ROWS = 2000
+"""Maximum number of rows of a table in the report; `trackprofile assess` writes all of them."""
 
-ASSESSED = "the tables of trackprofile assess"
+ASSESS_TABLES = "the tables of trackprofile assess"
 
-_DIGITS = {"_mm": 3, "_m": 1, "kilometre": 3}  # after the point, by how a column's name ends
-_GRAVE = ("calls for immediate", "call for immediate", "This obliges to")
+_DECIMALS = {"_mm": 3, "_m": 1, "kilometre": 3}  # by the end of a column's name
+_MAIN_RESULTS = ("requires immediate", "require immediate", "Required action")
+_TWO_SIDED_95 = 1.96
+_MILLI = 1e3
+
+_BUTTONS = (
+    ("ArrowLeft", "move left", "←"),
+    ("ArrowRight", "move right", "→"),
+    ("+", "zoom in", "+"),
+    ("-", "zoom out", "−"),
+    ("Home", "whole line", "all"),
+)
+"""Key, accessible name and text, as the web viewer has them (`web/view.js`)."""
+
+_FILTERS = {
+    0: "all",
+    1: "alert or more severe",
+    2: "intervention or more severe",
+    3: "immediate action",
+}
 
 
 def html(report: Report) -> str:
-    """The whole page as text."""
-    found, way = report.assessment, report.way
-    title = escape(report.title)
-    said = summary(found, way)
-    drawn = json.dumps(chart_data(found, way, report.beside), separators=(",", ":"), allow_nan=False)  # fmt: skip
+    """The whole report as text."""
+    assessment, chainage = report.assessment, report.chainage
+    data = chart_data(assessment, chainage, report.compared)
+    encoded = json.dumps(data, separators=(",", ":"), allow_nan=False)
     parts = [
-        f"<h1>{title}</h1>",
-        f'<p class="where">{escape(headline(found, way))}</p>',
-        _sentences(said),
-        _warnings(found),
-        _charts(found, report),
+        f"<h1>{escape(report.title)}</h1>",
+        f'<p class="where">{escape(headline(assessment, chainage))}</p>',
+        _caveat_link(assessment),
+        _sentences(summary(assessment, chainage)),
+        _charts(report),
         _defects(report),
         _sections(report),
         _spectrum(report),
-        _changes(report),
-        _beside(report),
-        _quality(report),
+        _trend(report),
+        _comparison(report),
+        _not_assessed(report),
+        _caveats(assessment),
         _method(report),
     ]
-    body = "\n".join(part for part in parts if part)
-    # "<" in a string would end the element.
-    drawn = drawn.replace("<", "\\u003c")
-    script = f'<script type="application/json" id="data">{drawn}</script>\n<script>{_own("strips.js")}</script>\n'
-    return document(report.title, f"{body}\n{script}")
+    # A "<" within a string could end the script element.
+    encoded = encoded.replace("<", "\\u003c")
+    script = f'<script type="application/json" id="data">{encoded}</script>\n{report_script()}'
+    return html_document(report.title, "\n".join([*filter(None, parts), script]))
 
 
-def document(title: str, body: str) -> str:
-    """A page that needs no network, around what stands in it."""
+def html_document(title: str, body: str) -> str:
+    """A self-contained HTML document with the report's style sheet."""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<link rel="icon" href="data:,"><title>{escape(title)}</title><style>{_own("report.css")}</style></head>\n'
+        f'<link rel="icon" href="data:,"><title>{escape(title)}</title><style>{report_style()}</style></head>\n'
         f"<body>{body}</body></html>\n"
     )
 
 
-def _own(name: str) -> str:
-    return (files("trackprofile.reporting") / name).read_text(encoding="utf-8")
-
-
-def _sentences(said: Sequence[str]) -> str:
+def _sentences(sentences: Sequence[str]) -> str:
     items = "".join(
-        f'<li class="{"grave" if any(one in text for one in _GRAVE) else ""}">{escape(text)}</li>'
-        for text in said
+        f'<li class="{"main" if any(one in text for one in _MAIN_RESULTS) else ""}">{escape(text)}</li>'
+        for text in sentences
     )
     return f'<ul class="first">{items}</ul>'
 
 
-def _warnings(found: Assessment) -> str:
-    if not found.notes:
+def _caveat_link(assessment: Assessment) -> str:
+    line = caveat_line(assessment)
+    return f'<p class="where"><a href="#caveats">{line}</a>.</p>' if line else ""
+
+
+def _caveats(assessment: Assessment) -> str:
+    if not assessment.notes:
         return ""
-    items = "".join(f"<li>{escape(note)}.</li>" for note in dict.fromkeys(found.notes))
-    return f'<details class="warning" open><summary>To be said with every number</summary><ul>{items}</ul></details>'
+    items = "".join(f"<li>{escape(note)}.</li>" for note in dict.fromkeys(assessment.notes))
+    return f'<h2 id="caveats">Caveats</h2><ul>{items}</ul>'
 
 
-def _charts(found: Assessment, report: Report) -> str:
-    tools = "".join(
-        f'<button type="button" data-do="{do}" aria-label="{label}">{sign}</button>'
-        for do, label, sign in (
-            ("left", "to the left", "←"), ("right", "to the right", "→"), ("in", "closer", "+"),
-            ("out", "wider", "−"), ("all", "all of it", "all"),
-        )
-    )  # fmt: skip
-    keys = [
-        ("#0072B2", "level"), ("rgba(86,180,233,0.6)", "95 % interval"), ("rgba(120,120,120,0.4)", "not judged"),
-        ("#E69F00", "alert"), ("#D55E00", "intervention"), ("#B00020", "immediate action"),
-    ]  # fmt: skip
-    if report.beside:
-        keys.append(("#8C8C8C", report.beside_name))
+def _charts(report: Report) -> str:
+    buttons = "".join(
+        f'<button type="button" data-key="{key}" aria-label="{name}" title="{name}">{text}</button>'
+        for key, name, text in _BUTTONS
+    )
+    keys = ["level", "interval", "not-assessed", "alert", "intervention", "immediate-action"]
+    names = ["level", "95 % interval", "not assessed", *(action.words for action in Action)]
+    if report.compared:
+        keys.append("compared")
+        names.append(report.compared_name)
     legend = "".join(
-        f'<span class="key" style="background:{colour}"></span>{escape(name)}'
-        for colour, name in keys
+        f'<span class="key-name"><span class="key key-{key}"></span>{escape(name)}</span>'
+        for key, name in zip(keys, names, strict=True)
     )
     strips = "".join(
-        f'<p class="strip-name">{escape(name)} <span>{level.band.shortest:g} to {level.band.longest:g} m, mm</span></p>'
-        f'<canvas class="strip" id="chart-{escape(name)}" role="img" aria-label="level in {escape(name)}"></canvas>'
-        for name, level in found.levels.items()
+        f'<p class="strip-name">{escape(name)} <span>{level.band.shortest:g} to {level.band.longest:g} m, '
+        f'level in mm</span></p><div class="strip" id="chart-{escape(name)}" role="img" '
+        f'aria-label="level in {escape(name)}"></div>'
+        for name, level in report.assessment.levels.items()
     )
-    of_sections = ""
-    if found.sections:
-        of_sections = (
-            '<p class="strip-name">Standard deviation <span>per section, with its 95 % interval; coloured by class, '
-            'green is best</span></p><canvas class="low" id="chart-sections" role="img" '
-            'aria-label="standard deviation per section"></canvas>'
+    sections = ""
+    if report.assessment.sections:
+        sections = (
+            '<p class="strip-name">Standard deviation <span>per section in mm, with its 95 % interval; the colour '
+            'is the quality class, green is the best</span></p><div class="low" id="chart-sections" role="img" '
+            'aria-label="standard deviation per section"></div>'
         )
     return (
-        f'<h2>Along the line</h2><section id="charts" tabindex="0" aria-label="strip charts">'
-        f'<canvas id="overview" role="img" aria-label="overview"></canvas>'
-        f'<div class="tools">{tools}<output id="range"></output><output id="reading"></output></div>'
-        f"<div>{legend}</div>{strips}{of_sections}</section>"
-        "<p>Wheel or + and − zoom, dragging or the arrow keys move; a link from a table goes to its place.</p>"
+        '<h2>Along the line</h2><section id="charts" tabindex="0" aria-label="charts along the line">'
+        '<canvas class="schematic" id="overview" role="img" aria-label="defects along the line"></canvas>'
+        f'<div class="tools">{buttons}<output id="range"></output><output id="reading"></output></div>'
+        f'<div class="legend">{legend}</div>{strips}{sections}</section>'
+        '<p class="hint">Zoom with the wheel, + and −, or two fingers; move by dragging or with the arrow keys; a link '
+        "in a table shows its location.</p>"
     )
 
 
 def _defects(report: Report) -> str:
-    found = report.assessment
-    if not found.defects:
+    assessment = report.assessment
+    if not assessment.defects:
         return "<h2>Isolated defects</h2><p>None.</p>"
-    ordered = sorted(found.defects, key=gravity, reverse=True)
-    rows = "".join(_defect(one, report) for one in ordered[:MOST_ROWS])
-    choices = {
-        0: "all", 1: "alert and graver", 2: "intervention and graver", 3: "immediate action"
-    }  # fmt: skip
-    options = "".join(f'<option value="{value}">{text}</option>' for value, text in choices.items())
-    heads = ["place", "band", "height, mm", "± 95 %, mm", "length, m"]
+    ordered = sorted(assessment.defects, key=severity, reverse=True)
+    rows = "".join(_defect(one, report) for one in ordered[:MAX_ROWS])
+    options = "".join(
+        f'<option value="{value}">{text}</option>' for value, text in _FILTERS.items()
+    )
+    heads = ["location", "band", "height, mm", "± 95 %, mm", "length, m"]
     heads += [f"P {action.words}" for action in Action]
     return (
         f'<h2>Isolated defects</h2><p><label>Show <select id="choice">{options}</select></label> '
         "P is the probability that the true level exceeds the limit.</p>"
-        f"{_table([*heads, 'calls for'], rows, 'defects')}{_more(len(ordered), ASSESSED)}"
+        f"{_table([*heads, 'required action'], rows, 'defects')}{_omitted(len(ordered), ASSESS_TABLES)}"
     )
 
 
 def _defect(one: Defect, report: Report) -> str:
-    place = report.way.name(one.peak)
-    link = f'<a href="#at={one.peak:.1f}&amp;span=200">{escape(place)}</a>'
-    numbers = [f"{1e3 * one.height:.2f}", f"{1.96e3 * one.deviation:.2f}", f"{one.length:.1f}"]
+    link = f'<a href="#at={one.peak:.1f}&amp;span=200">{escape(report.chainage.name(one.peak))}</a>'
+    numbers = [
+        f"{_MILLI * one.height:.2f}",
+        f"{_TWO_SIDED_95 * _MILLI * one.deviation:.2f}",
+        f"{one.length:.1f}",
+    ]
     numbers += [
         percent(one.probabilities[action]) if action in one.probabilities else "–"
         for action in Action
@@ -157,55 +182,56 @@ def _defect(one: Defect, report: Report) -> str:
 
 
 def _sections(report: Report) -> str:
-    made = tables(report.assessment, report.way)
-    if not made["sections"]["start_m"]:
+    table = tables(report.assessment, report.chainage)["sections"]
+    if not table["start_m"]:
         return ""
-    kept = {
-        name: made["sections"][name]
+    columns = {
+        name: table[name]
         for name in (
             "start_kilometre", "band", "length_m", "standard_deviation_mm", "low_mm", "high_mm", "of_estimate_mm",
             "quality_class", "assessed_share",
         )
     }  # fmt: skip
-    return f"<h2>Sections</h2>{plain(kept, 'sections')}"
+    return f"<h2>Sections</h2>{html_table(columns, 'sections')}"
 
 
 def _spectrum(report: Report) -> str:
-    found = report.assessment
-    if found.spectrum is None:
+    assessment = report.assessment
+    if assessment.spectrum is None:
         return ""
-    table = tables(found, report.way)["spectra"]
-    near = (
-        "<p>The nearest of the known spectra, per kilometre; the difference is the root mean square over third "
-        f"octaves.</p>{plain(table, 'spectra')}"
+    table = tables(assessment, report.chainage)["spectra"]
+    nearest = (
+        "<p>The nearest reference spectrum of each kilometre; the difference is the root mean square over third-octave "
+        f"bands.</p>{html_table(table, 'spectra')}"
         if table["start_m"]
         else ""
     )
-    return f"<h2>Spectrum</h2>{drawing(found.spectrum, found.known)}{near}"
+    return f"<h2>Spectrum</h2>{spectrum_svg(assessment.spectrum, assessment.known)}{nearest}"
 
 
-def _changes(report: Report) -> str:
-    if report.changes is None:
+def _trend(report: Report) -> str:
+    if report.trend is None:
         return ""
-    said = "".join(f"<li>{escape(one)}</li>" for one in changes_summary(report.changes, report.way))
-    notes = "".join(f"<li>{escape(one)}.</li>" for one in report.changes.notes)
-    table = change_table(report.changes, report.way)
-    shown = plain(table, "changes") if table["peak_m"] else ""
-    return f'<h2>Change since earlier passes</h2><ul class="first">{said}{notes}</ul>{shown}'
+    sentences = [*trend_summary(report.trend, report.chainage)]
+    sentences += [f"{note}." for note in report.trend.notes]
+    items = "".join(f"<li>{escape(one)}</li>" for one in sentences)
+    table = change_table(report.trend, report.chainage)
+    rows = html_table(table, "changes") if table["peak_m"] else ""
+    return f'<h2>Change since earlier passes</h2><ul class="first">{items}</ul>{rows}'
 
 
-def _beside(report: Report) -> str:
-    if report.beside is None:
+def _comparison(report: Report) -> str:
+    if report.compared is None:
         return ""
-    said = "".join(f"<li>{escape(one)}</li>" for one in differences(report))
-    return f"<h2>Beside {escape(report.beside_name)}</h2><ul>{said}</ul>"
+    items = "".join(f"<li>{escape(one)}</li>" for one in differences(report))
+    return f"<h2>Comparison with {escape(report.compared_name)}</h2><ul>{items}</ul>"
 
 
-def _quality(report: Report) -> str:
-    made = tables(report.assessment, report.way)["not_assessed"]
-    if not made["band"]:
-        return "<h2>Not judged</h2><p>Nothing: all of the profile is.</p>"
-    return f"<h2>Not judged, and why</h2>{plain(made, 'not-assessed')}"
+def _not_assessed(report: Report) -> str:
+    table = tables(report.assessment, report.chainage)["not_assessed"]
+    if not table["band"]:
+        return "<h2>Stretches not assessed</h2><p>None.</p>"
+    return f"<h2>Stretches not assessed</h2>{html_table(table, 'not-assessed')}"
 
 
 def _method(report: Report) -> str:
@@ -216,22 +242,22 @@ def _method(report: Report) -> str:
     return f'<h2>Method, limits, versions</h2><div class="wide"><table><tbody>{rows}</tbody></table></div>'
 
 
-def plain(table: Table, key: str, elsewhere: str = ASSESSED) -> str:
-    """A table as it is; ``elsewhere`` holds the rows beyond `MOST_ROWS`."""
+def html_table(table: Table, key: str, all_rows: str = ASSESS_TABLES) -> str:
+    """A table with its first `MAX_ROWS` rows; ``all_rows`` says where the others are."""
     heads = [name.replace("_", " ") for name in table]
     columns = list(table.values())
     rows = "".join(
         "<tr>" + "".join(_cell(name, column[i]) for name, column in table.items()) + "</tr>"
-        for i in range(min(len(columns[0]), MOST_ROWS))
+        for i in range(min(len(columns[0]), MAX_ROWS))
     )
-    return _table(heads, rows, key) + _more(len(columns[0]), elsewhere)
+    return _table(heads, rows, key) + _omitted(len(columns[0]), all_rows)
 
 
-def _more(rows: int, elsewhere: str) -> str:
-    rest = rows - MOST_ROWS
+def _omitted(rows: int, all_rows: str) -> str:
+    rest = rows - MAX_ROWS
     if rest <= 0:
         return ""
-    return f"<p>{rest} more rows are in {escape(elsewhere)}.</p>"
+    return f"<p>{rest} more {'row is' if rest == 1 else 'rows are'} in {escape(all_rows)}.</p>"
 
 
 def _table(heads: Sequence[str], rows: str, key: str) -> str:
@@ -244,6 +270,6 @@ def _cell(name: str, value: Any) -> str:
     if value is None:
         return '<td class="number">–</td>'
     if isinstance(value, float):
-        digits = next((n for end, n in _DIGITS.items() if name.endswith(end)), 2)
-        return f'<td class="number">{value:.{digits}f}</td>'
+        decimals = next((n for end, n in _DECIMALS.items() if name.endswith(end)), 2)
+        return f'<td class="number">{value:.{decimals}f}</td>'
     return f"<td>{escape(str(value))}</td>"

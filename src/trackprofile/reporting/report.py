@@ -1,4 +1,4 @@
-"""Reports: an assessment in words, charts and tables, for the screen and for print."""
+"""Reports: an assessment as text, charts and tables, in HTML for the screen and in PDF for print."""
 
 from __future__ import annotations
 
@@ -22,13 +22,15 @@ def report_files(*paths: str | Path) -> tuple[Path, ...]:
 
     Raises
     ------
-    FileError : a suffix is none of `SUFFIXES`, or a file could not be written there.
-    MissingExtraError : a PDF is wanted, and matplotlib is not installed.
+    FileError : a suffix is not one of `SUFFIXES`, or a file cannot be written.
+    MissingExtraError : a PDF is requested, and matplotlib is not installed.
     """
     files = tuple(map(Path, paths))
     for path in files:
         if path.suffix.lower() not in SUFFIXES:
-            raise FileError(f"{path}: a report goes to a file that ends in {', '.join(SUFFIXES)}.")
+            raise FileError(
+                f"{path}: expected a file name that ends in {' or '.join(SUFFIXES)} for a report."
+            )
     if any(path.suffix.lower() == ".pdf" for path in files):
         with importing_extra("plot", "A PDF report"):
             import matplotlib  # noqa: F401
@@ -40,27 +42,27 @@ def report(
     assessment: Assessment,
     *paths: str | Path,
     title: str = "Track report",
-    way: ChainageTable | None = None,
+    chainage: ChainageTable | None = None,
     sources: Mapping[str, str] | None = None,
-    beside: Assessment | None = None,
-    beside_name: str = "another profile",
-    changes: Trend | None = None,
+    compared: Assessment | None = None,
+    compared_name: str = "another profile",
+    trend: Trend | None = None,
 ) -> tuple[Path, ...]:
-    """Write an assessment as a page (.html) that needs no network, and for print (.pdf); all of them, or none.
+    """Write a report as HTML (.html, one self-contained file) or PDF (.pdf); all of the files, or none.
 
     Parameters
     ----------
-    assessment : as `assess` gives it
-    paths : to write to
-    title : of the report
-    way : kilometre posts and coordinates; None counts kilometres from where distance is 0
-    sources : what was used, by what it is, to be told with the method
-    beside, beside_name : an assessment of another profile of the same place, drawn and compared
-    changes : since earlier passes
+    assessment : result of `trackprofile.assess`
+    paths : files to write
+    title : title of the report
+    chainage : kilometre posts and coordinates; None: kilometres from distance 0
+    sources : files and settings that were used, by name; listed with the method
+    compared, compared_name : assessment of another profile of the same track, and its name
+    trend : change since earlier passes
 
     Raises
     ------
-    FileError, MissingExtraError : as of `report_files`.
+    FileError, MissingExtraError : see `report_files`.
 
     Examples
     --------
@@ -71,28 +73,28 @@ def report(
     >>> from trackprofile.assessment.limits_toml import read_limits
     >>> at = np.arange(0.0, 600.0, 0.25)
     >>> dip = build_profile(at, -0.04 * np.exp(-0.5 * ((at - 300) / 2) ** 2), kind="truth")
-    >>> found = assess(dip, read_limits("en-13848"), 40.0)
-    >>> file, = report(found, Path(tempfile.mkdtemp()) / "report.html")
-    >>> "1 place calls for immediate action" in file.read_text(encoding="utf-8")
+    >>> assessment = assess(dip, read_limits("en-13848"), 40.0)
+    >>> file, = report(assessment, Path(tempfile.mkdtemp()) / "report.html")
+    >>> "1 location requires immediate action" in file.read_text(encoding="utf-8")
     True
     """
     files = report_files(*paths)
-    made = Report(
+    contents = Report(
         title,
         assessment,
-        way or ChainageTable(),
+        chainage or ChainageTable(),
         sources or {},
         __version__,
-        beside,
-        beside_name,
-        changes,
+        compared=compared,
+        compared_name=compared_name,
+        trend=trend,
     )
     with whole_files(*files) as parts:
         for part in parts:
             if part.suffix.lower() == ".pdf":
                 from trackprofile.reporting.pdf import write_pdf
 
-                write_pdf(made, part)
+                write_pdf(contents, part)
             else:
-                part.write_text(html(made), encoding="utf-8")
+                part.write_text(html(contents), encoding="utf-8")
     return files

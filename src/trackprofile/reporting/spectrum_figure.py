@@ -1,4 +1,4 @@
-"""The spectrum of the profile beside the known ones, as a drawing within the page (SVG)."""
+"""Power spectral density of a profile with reference spectra, as SVG within the report."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ Scale = Callable[[Array], Array]
 
 WIDTH, HEIGHT = 640.0, 320.0
 LEFT, RIGHT, TOP, BOTTOM = 64.0, 150.0, 10.0, 34.0
-SHOWN = 5
-"""Of the known spectra, the nearest."""
+MAX_REFERENCES = 5
+"""Number of reference spectra that are drawn: the nearest."""
 
-TICKS = (3.0, 5.0, 10.0, 25.0, 50.0, 70.0)  # m
+WAVELENGTH_TICKS = (3.0, 5.0, 10.0, 25.0, 50.0, 70.0)  # m
 
 
-def drawing(found: Psd, known: Mapping[str, Roughness]) -> str:
-    """Density of the profile and of the nearest known ones over the wavelength; both axes are logarithmic."""
-    omega = found.spatial_frequency
-    every_line = {name: np.asarray(one.density(omega)) for name, one in known.items()}
+def spectrum_svg(spectrum: Psd, references: Mapping[str, Roughness]) -> str:
+    """Density of the profile and of the nearest reference spectra over wavelength; both axes are logarithmic."""
+    omega = spectrum.spatial_frequency
+    densities = {name: np.asarray(one.density(omega)) for name, one in references.items()}
     nearest = sorted(
-        every_line,
-        key=lambda name: float(np.mean(np.square(np.log(every_line[name] / found.density)))),
+        densities,
+        key=lambda name: float(np.mean(np.square(np.log(densities[name] / spectrum.density)))),
     )
-    lines = {name: every_line[name] for name in nearest[:SHOWN]}
-    every = np.concatenate([found.density, *lines.values()])
-    low, high = np.floor(np.log10(every.min())), np.ceil(np.log10(every.max()))
+    shown = {name: densities[name] for name in nearest[:MAX_REFERENCES]}
+    values = np.concatenate([spectrum.density, *shown.values()])
+    low, high = np.floor(np.log10(values.min())), np.ceil(np.log10(values.max()))
     ends = np.log10([omega[0], omega[-1]])
 
     def x(value: Array) -> Array:
@@ -43,14 +43,12 @@ def drawing(found: Psd, known: Mapping[str, Roughness]) -> str:
         return TOP + (high - np.log10(value)) / (high - low) * (HEIGHT - TOP - BOTTOM)
 
     parts = _grid(x, y, omega, low, high)
-    for number, (name, values) in enumerate(lines.items()):
+    for number, (name, density) in enumerate(shown.items()):
         colour = palette.SPECTRA[number % len(palette.SPECTRA)]
-        parts.append(_line(x(omega), y(values), colour, 1.2))
-        parts.append(_key(number + 1, colour, name))
-    parts += [
-        _line(x(omega), y(found.density), palette.LEVEL, 2.4),
-        _key(0, palette.LEVEL, "this profile"),
-    ]
+        parts.append(_line(x(omega), y(density), colour, 1.2))
+        parts.append(_legend_entry(number + 1, colour, name))
+    parts.append(_line(x(omega), y(spectrum.density), palette.LEVEL, 2.4))
+    parts.append(_legend_entry(0, palette.LEVEL, "this profile"))
     return (
         f'<svg viewBox="0 0 {WIDTH:g} {HEIGHT:g}" style="max-width:{WIDTH:g}px;width:100%" role="img" '
         f'aria-label="power spectral density over wavelength" font-size="11">{"".join(parts)}</svg>'
@@ -66,10 +64,10 @@ def _grid(x: Scale, y: Scale, omega: Array, low: float, high: float) -> list[str
         parts.append(
             f'<text x="{LEFT - 5}" y="{at + 4:.1f}" text-anchor="end">1e{power:.0f}</text>'
         )
-    for wavelength in TICKS:
-        place = 2 * np.pi / wavelength
-        if omega[0] <= place <= omega[-1]:
-            at = float(x(np.array(place)))
+    for wavelength in WAVELENGTH_TICKS:
+        frequency = 2 * np.pi / wavelength
+        if omega[0] <= frequency <= omega[-1]:
+            at = float(x(np.array(frequency)))
             parts.append(f'<path d="M{at:.1f} {TOP}V{bottom}" stroke="{palette.GRID}"/>')
             parts.append(
                 f'<text x="{at:.1f}" y="{bottom + 14}" text-anchor="middle">{wavelength:g} m</text>'
@@ -86,7 +84,7 @@ def _line(x: Array, y: Array, colour: str, width: float) -> str:
     return f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{width}"/>'
 
 
-def _key(number: int, colour: str, name: str) -> str:
+def _legend_entry(number: int, colour: str, name: str) -> str:
     at = TOP + 14.0 * (number + 1)
     left = WIDTH - RIGHT + 10
     return (

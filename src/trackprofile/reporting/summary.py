@@ -1,4 +1,4 @@
-"""An assessment in sentences: what, where, how sure, and what it obliges to."""
+"""Summary of an assessment in sentences: defects and required actions, sections, assessed length, change."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from trackprofile.assessment.tables import words
 from trackprofile.assessment.trend import ChangedLocation, Trend
 from trackprofile.positioning.chainage import ChainageTable
 
-NAMED = 5
-"""Places that are named in a sentence; all are in the table."""
+MAX_NAMED = 5
+"""Maximum number of locations that a sentence names; the table lists all of them."""
 
 _MILLI = 1e3
+_TWO_SIDED_95 = 1.96
+_MONTH = 30  # days
 
 
-def summary(found: Assessment, way: ChainageTable) -> list[str]:
-    """What a track engineer wants to know first, gravest first.
+def summary(assessment: Assessment, chainage: ChainageTable) -> list[str]:
+    """The main results in sentences, the most severe first.
 
     Examples
     --------
@@ -29,68 +31,74 @@ def summary(found: Assessment, way: ChainageTable) -> list[str]:
     >>> from trackprofile.assessment.limits_toml import read_limits
     >>> at = np.arange(0.0, 600.0, 0.25)
     >>> dip = build_profile(at, -0.04 * np.exp(-0.5 * ((at - 300) / 2) ** 2), kind="truth")
-    >>> print(summary(assess(dip, read_limits("en-13848"), 40.0), Way())[0])
-    1 place calls for immediate action: km 0.300 (D1, 26.3 mm down, beyond 23 mm with 100 %).
+    >>> print(summary(assess(dip, read_limits("en-13848"), 40.0), ChainageTable())[0])
+    1 location requires immediate action: km 0.300 (D1, 26.3 mm down, exceeds 23 mm with probability 100 %).
     """
-    said = []
+    sentences = []
     for action in sorted(Action, reverse=True):
-        of_action = [one for one in found.defects if one.likely == action]
-        if of_action:
-            said += _called_for(action, of_action, found, way)
-    if not said:
-        said.append("No place calls for anything: no limit is exceeded with 50 % or more.")
-    possible = [one for one in found.defects if one.likely is None]
-    if possible:
-        said.append(
-            f"{_places(len(possible))} may exceed a limit, with {100 * found.least_probability:.0f} to 50 %: "
-            f"{_named(possible, way)}."
+        defects = [one for one in assessment.defects if one.likely == action]
+        if defects:
+            sentences += _required(action, defects, assessment, chainage)
+    if not sentences:
+        sentences.append(
+            "No location requires an action: no limit is exceeded with a probability of 50 % or more."
         )
-    return [*said, *_classes(found, way), *_judged(found)]
+    possible = [one for one in assessment.defects if one.likely is None]
+    if possible:
+        sentences.append(
+            f"{_locations(len(possible))} may exceed a limit (probability {100 * assessment.least_probability:.0f} "
+            f"to 50 %): {_named(possible, chainage)}."
+        )
+    return [*sentences, *_classes(assessment, chainage), _assessed_length(assessment)]
 
 
-def _called_for(
-    action: Action, defects: Sequence[Defect], found: Assessment, way: ChainageTable
+def _required(
+    action: Action, defects: Sequence[Defect], assessment: Assessment, chainage: ChainageTable
 ) -> list[str]:
-    verb = "calls" if len(defects) == 1 else "call"
-    kind = {Action.ALERT: "an alert"}.get(action, action.words)
-    text = f"{_places(len(defects))} {verb} for {kind}: {_named(defects, way)}."
-    duties = found.limits.duties
+    verb = "requires" if len(defects) == 1 else "require"
+    name = {Action.ALERT: "an alert"}.get(action, action.words)
+    text = f"{_locations(len(defects))} {verb} {name}: {_named(defects, chainage)}."
+    duties = assessment.limits.duties
     if duties is None or action not in duties.words:
         return [text]
-    return [text, f"This obliges to: {duties.words[action]}."]
+    return [text, f"Required action: {duties.words[action]}."]
 
 
-def _places(count: int) -> str:
-    return "1 place" if count == 1 else f"{count} places"
+def _locations(count: int) -> str:
+    return "1 location" if count == 1 else f"{count} locations"
 
 
-def _named(defects: Sequence[Defect], way: ChainageTable) -> str:
-    gravest = sorted(defects, key=gravity, reverse=True)
-    text = "; ".join(_place(one, way) for one in gravest[:NAMED])
-    rest = len(defects) - NAMED
-    return text + (f"; and {rest} more in the table" if rest > 0 else "")
+def _named(defects: Sequence[Defect], chainage: ChainageTable) -> str:
+    ordered = sorted(defects, key=severity, reverse=True)
+    text = "; ".join(_defect(one, chainage) for one in ordered[:MAX_NAMED])
+    return text + _rest(len(defects))
 
 
-def gravity(one: Defect) -> tuple[float, float]:
-    """To sort defects by: what they call for, and how far they are beyond the lowest limit."""
-    return float(one.likely or 0), abs(one.height) / min(one.limits.heights.values())
+def _rest(count: int) -> str:
+    return f"; and {count - MAX_NAMED} more in the table" if count > MAX_NAMED else ""
 
 
-def _place(one: Defect, way: ChainageTable) -> str:
-    action = one.likely or min(one.probabilities)
-    way_up = "up" if one.height > 0 else "down"
-    size = f"{abs(_MILLI * one.height):.1f}"
-    if one.deviation:
-        wide = 1.96 * _MILLI * one.deviation
-        size += f" ± {wide:.1f}" if wide >= 0.1 else f" ± {wide:.2f}"
+def severity(defect: Defect) -> tuple[float, float]:
+    """Sort key of a defect: its required action, then the ratio of its height to the lowest limit."""
+    return float(defect.likely or 0), abs(defect.height) / min(defect.limits.heights.values())
+
+
+def _defect(defect: Defect, chainage: ChainageTable) -> str:
+    action = defect.likely or min(defect.probabilities)
+    side = "up" if defect.height > 0 else "down"
+    size = f"{abs(_MILLI * defect.height):.1f}"
+    if defect.deviation:
+        half = _TWO_SIDED_95 * _MILLI * defect.deviation
+        digits = ".1f" if half >= 0.1 else ".2f" if half >= 0.005 else ".1g"
+        size += f" ± {half:{digits}}"
     return (
-        f"{way.name(one.peak)} ({one.band}, {size} mm {way_up}, beyond "
-        f"{_MILLI * one.limits.heights[action]:g} mm with {percent(one.probabilities[action])})"
+        f"{chainage.name(defect.peak)} ({defect.band}, {size} mm {side}, exceeds "
+        f"{_MILLI * defect.limits.heights[action]:g} mm with probability {percent(defect.probabilities[action])})"
     )
 
 
 def percent(probability: float) -> str:
-    """Of a probability: neither 0 nor 100 unless it is.
+    """A probability in percent; 0 and 100 only where it is exactly that.
 
     Examples
     --------
@@ -102,85 +110,98 @@ def percent(probability: float) -> str:
     return "<1 %" if 0 < probability < 0.005 else f"{100 * probability:.0f} %"
 
 
-def _classes(found: Assessment, way: ChainageTable) -> list[str]:
-    said = []
-    for band in found.levels:
-        ones = [
+def _classes(assessment: Assessment, chainage: ChainageTable) -> list[str]:
+    """The share of each quality class among the longest sections, per band."""
+    length = max((one.length for one in assessment.sections), default=0.0)
+    sentences = []
+    for band in assessment.levels:
+        sections = [
             one
-            for one in found.sections
-            if one.band == band and one.classes and one.length == _longest(found)
+            for one in assessment.sections
+            if one.band == band and one.classes and one.length == length
         ]
-        if not ones:
+        if not sections:
             continue
-        classes = ones[0].classes
-        counted = Counter(one.quality_class for one in ones)
+        classes = sections[0].classes
+        counts = Counter(one.quality_class for one in sections)
         shares = ", ".join(
-            f"{100 * counted[name] / len(ones):.0f} % {name}"
+            f"{100 * counts[name] / len(sections):.0f} % {name}"
             for name in (classes.names if classes else ())
-            if counted[name]
+            if counts[name]
         )
-        worst = max(ones, key=lambda one: one.standard_deviation)
-        said.append(
-            f"Sections of {_longest(found):g} m by class in {band}: {shares}; the worst begins at "
-            f"{way.name(worst.start)}, with a standard deviation of {_MILLI * worst.standard_deviation:.2f} mm "
+        worst = max(sections, key=lambda one: one.standard_deviation)
+        sentences.append(
+            f"Sections of {length:g} m by class in {band}: {shares}; the worst begins at "
+            f"{chainage.name(worst.start)}, with a standard deviation of {_MILLI * worst.standard_deviation:.2f} mm "
             f"({_MILLI * worst.low:.2f} to {_MILLI * worst.high:.2f} mm)."
         )
-    return said
+    return sentences
 
 
-def _longest(found: Assessment) -> float:
-    return max((one.length for one in found.sections), default=0.0)
-
-
-def _judged(found: Assessment) -> list[str]:
+def _assessed_length(assessment: Assessment) -> str:
     shares = ", ".join(
         f"{100 * float(level.assessed.mean()):.1f} % in {name}"
-        for name, level in found.levels.items()
+        for name, level in assessment.levels.items()
     )
-    return [f"Judged: {shares} of the length; the rest is listed with its reasons."]
+    return f"Assessed length: {shares}; the rest is listed with the reasons."
 
 
-def headline(found: Assessment, way: ChainageTable) -> str:
-    """From where to where, and at which speed."""
+def headline(assessment: Assessment, chainage: ChainageTable) -> str:
+    """Length, ends, direction, line speed and limit set in one line."""
     return (
-        f"{(found.end - found.start) / _MILLI:.3g} km, {way.name(found.start)} to {way.name(found.end)}, run "
-        f"{way.direction}; line speed {found.speed / KM_H:.4g} km/h; limits: {found.limits.name}"
+        f"{(assessment.end - assessment.start) / _MILLI:.3g} km, {chainage.name(assessment.start)} to "
+        f"{chainage.name(assessment.end)}, run {chainage.direction}; line speed {assessment.speed / KM_H:.4g} km/h; "
+        f"limits: {assessment.limits.name}"
     )
 
 
-def changes_summary(found: Trend, way: ChainageTable) -> list[str]:
-    """What changed between passes, gravest first."""
-    first, last = found.passes[0], found.passes[-1]
+def caveat_line(assessment: Assessment) -> str:
+    """One line that says how many caveats apply; empty without any. The report lists them."""
+    count = len(set(assessment.notes))
+    if not count:
+        return ""
+    return (
+        f"{'1 caveat applies' if count == 1 else f'{count} caveats apply'} to limits and assessment"
+    )
+
+
+def trend_summary(trend: Trend, chainage: ChainageTable) -> list[str]:
+    """Changes between passes in sentences, the largest first."""
+    first, last = trend.passes[0], trend.passes[-1]
     span = f"from {first[1]} ({first[0]}) to {last[1]} ({last[0]})"
-    if not found.places:
-        said = [f"No change {span} beyond what the passes' uncertainty explains."]
+    if not trend.places:
+        sentences = [
+            f"No significant change {span}: the uncertainty of the passes explains all differences."
+        ]
     else:
-        deepest = sorted(found.places, key=lambda one: -abs(one.change))
-        text = "; ".join(change_words(one, way) for one in deepest[:NAMED])
-        rest = len(deepest) - NAMED
-        more = f"; and {rest} more in the table" if rest > 0 else ""
-        verb = "place" if len(deepest) == 1 else "places"
-        said = [f"{len(deepest)} {verb} changed {span}: {text}{more}."]
-    for one in found.repeatabilities:
-        kind = "the same vehicle" if one.same_vehicle else "different vehicles"
-        limit = "" if one.limit is None else f" (to stay below {_MILLI * one.limit:g} mm)"
-        said.append(
-            f"{one.band}: 95 % of the differences between passes of {kind} are below "
+        ordered = sorted(trend.places, key=lambda one: -abs(one.change))
+        text = "; ".join(changed_location(one, chainage) for one in ordered[:MAX_NAMED])
+        sentences = [f"{_locations(len(ordered))} changed {span}: {text}{_rest(len(ordered))}."]
+    for one in trend.repeatabilities:
+        vehicles = "the same vehicle" if one.same_vehicle else "different vehicles"
+        limit = "" if one.limit is None else f" (required: below {_MILLI * one.limit:g} mm)"
+        sentences.append(
+            f"{one.band}: 95 % of the differences between passes of {vehicles} are below "
             f"{_MILLI * one.difference:.3g} mm{limit}."
         )
-    return said
+    return sentences
 
 
-def change_words(one: ChangedLocation, way: ChainageTable) -> str:
-    """Of one place: how much, how fast, until when."""
-    text = f"{way.name(one.peak)} ({one.band}, {_MILLI * one.change:+.2f} ± {1.96 * _MILLI * one.deviation:.2f} mm"
+def changed_location(one: ChangedLocation, chainage: ChainageTable) -> str:
+    """A changed location: size and rate of the change, and when it reaches a limit."""
+    half = _TWO_SIDED_95 * _MILLI * one.deviation
+    text = f"{chainage.name(one.peak)} ({one.band}, {_MILLI * one.change:+.2f} ± {half:.2f} mm"
     if one.per_day is not None and one.per_day_deviation is not None:
-        text += f", {30 * _MILLI * one.per_day:+.2f} ± {59 * _MILLI * one.per_day_deviation:.2f} mm in 30 days"
-    ahead = next((each for each in one.reached if each.median), None)
-    if ahead:
-        latest = ahead.latest or "not within ten years"
+        rate, rate_half = (
+            _MONTH * _MILLI * value
+            for value in (one.per_day, _TWO_SIDED_95 * one.per_day_deviation)
+        )
+        text += f", {rate:+.2f} ± {rate_half:.2f} mm in {_MONTH} days"
+    crossing = next((each for each in one.reached if each.median), None)
+    if crossing:
+        latest = crossing.latest or "not within ten years"
         text += (
-            f", {words(ahead.action)} at {_MILLI * ahead.limit:g} mm on {ahead.median} "
-            f"({ahead.earliest} to {latest})"
+            f", {words(crossing.action)} at {_MILLI * crossing.limit:g} mm on {crossing.median} "
+            f"({crossing.earliest} to {latest})"
         )
     return text + ")"
