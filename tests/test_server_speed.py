@@ -137,7 +137,7 @@ def test_a_line_and_a_kilometre_open_fast_in_little_memory(served: Served) -> No
 def test_the_viewer_draws_them_in_a_browser_as_fast(served: Served) -> None:
     from playwright.sync_api import sync_playwright
 
-    from test_server_page import FLAGS
+    from test_server_viewer import FLAGS
 
     wholes, kilometres, following = [], [], []
     with sync_playwright() as playwright:

@@ -8,7 +8,7 @@ import { addGestures } from "./gestures.js";
 import { ROUND_STEPS, decimalsFor } from "./ticks.js";
 
 /** Widths around the plotting area in CSS pixels; half of a tick label fits at the right. */
-export const LEFT = 58, RIGHT = 30;
+export const LEFT = 58, RIGHT = 36;
 const TOP = 8, BOTTOM = 22;
 
 const sizeOf = (container) => ({ width: Math.max(120, container.clientWidth), height: Math.max(60, container.clientHeight) });
@@ -19,7 +19,7 @@ export function plotIn(container, { data, scales, axes, series, bands = [], hook
   const none = () => null;
   let observer = null;
   const plot = new uPlot({
-    ...sizeOf(container), scales, axes, series: [{}, ...series.map((one) => ({ points: { show: false }, ...one }))], bands,
+    ...sizeOf(container), scales, axes, series: [{}, ...series.map((one) => ({ points: { show: false }, pxAlign: 0, ...one }))], bands,
     hooks: { ...hooks, destroy: [() => observer.disconnect()] }, padding: [TOP, RIGHT, 0, 0], legend: { show: false },
     cursor: {
       y: false, points: { show: false }, drag: { x: false, y: false, setScale: false },
@@ -53,6 +53,7 @@ export function paintInside(plot, paint) {
   pen.clip();
   pen.scale(ratio, ratio);
   pen.font = FONT;
+  pen.textBaseline = "alphabetic";
   pen.lineWidth = 1;
   paint(pen, {
     x: (value) => plot.valToPos(value, "x", true) / ratio, y: (value) => plot.valToPos(value, "y", true) / ratio,

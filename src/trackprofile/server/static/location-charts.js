@@ -7,7 +7,7 @@ import { roundRange } from "./shared/envelope.js";
 import { HALF_WIDTH_95, dateText, dayNumber, km, kmDigits } from "./shared/format.js";
 
 const DAY_S = 86400, MONTH_DAYS = 28, YEAR_DAYS = 365;
-const DATE_STEPS = [...[1, 2, 3, 4, 5, 7, 10, 15].map((days) => days * DAY_S), ...[1, 2, 3, 4, 6].map((months) => months * 30 * DAY_S), ...[1, 2, 5, 10].map((years) => years * YEAR_DAYS * DAY_S)];
+const DATE_STEPS = [...[1, 2, 7].map((days) => days * DAY_S), ...[1, 2, 3, 4, 6].map((months) => months * 30 * DAY_S), ...[1, 2, 5, 10].map((years) => years * YEAR_DAYS * DAY_S)];
 const seconds = (date) => DAY_S * dayNumber(date);
 
 /** A date tick: year, month or day, whichever distinguishes ticks `step` seconds apart. */

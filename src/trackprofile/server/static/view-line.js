@@ -140,7 +140,7 @@ export function mount(root, app) {
 }
 
 function hint() {
-  const key = (name, text) => el("span", { class: "whole" }, el("span", { class: `key-${name}` }), text);
+  const key = (name, text) => [el("span", { class: `key-${name}` }), text];
   return el("p", { class: "hint" }, "Zoom with the wheel, + and −, or two fingers; move by dragging or with the arrow keys; click to mark a location. ",
     key("line", " level (range from minimum to maximum where a pixel covers many metres) "), key("band", " 95 % interval "), key("unknown", " not known "), key("not-assessed", " known, but not assessed. "),
     "Marks of required actions: square immediate action, diamond intervention, triangle alert, dot possible.");
