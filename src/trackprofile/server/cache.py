@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable
 from threading import Lock
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from cachetools import TTLCache
 
@@ -30,7 +30,7 @@ class Cache:
     """
 
     def __init__(self, max_values: int, lifetime: float = math.inf) -> None:
-        self._values = TTLCache(max_values, lifetime)
+        self._values: TTLCache[Hashable, Any] = TTLCache(max_values, lifetime)
         self._lock = Lock()
 
     def get(self, key: Hashable, compute: Callable[[], Value]) -> Value:
