@@ -1,4 +1,4 @@
-"""Small array helpers that several packages need."""
+"""Small array functions that several packages use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_DISTINCT_SHARE = 0.2
 
 
 def runs(mask: NDArray[np.bool_]) -> list[slice]:
-    """Where a mask holds without a break.
+    """Slices of consecutive true values of a mask, (n,).
 
     Examples
     --------
@@ -27,7 +27,7 @@ def runs(mask: NDArray[np.bool_]) -> list[slice]:
 
 
 def recorded_step(values: Array) -> float:
-    """The step in which values were recorded; 0 where they are as good as continuous.
+    """Step in which values, (n,), were recorded; 0 where they are practically continuous.
 
     Examples
     --------
@@ -41,7 +41,12 @@ def recorded_step(values: Array) -> float:
 
 
 def integral(values: Array, at: Array) -> Array:
-    """Of values at places or times, (n,), from the first on, (n,), by the trapezoidal rule.
+    """Cumulative integral of sampled values, (n,), by the trapezoidal rule; 0 at the first sample.
+
+    Parameters
+    ----------
+    values : (n,)
+    at : positions or times of the samples, (n,)
 
     Examples
     --------

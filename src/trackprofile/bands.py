@@ -1,9 +1,8 @@
-"""Wavelength bands of longitudinal level, and the filter that cuts them out.
+"""Wavelength bands of longitudinal level, and the band-pass filter.
 
-Every statement about a profile is made per band (EN 13848-1). The filter is a 4th-order
-Butterworth band-pass that is 3 dB down at the band's limits, without phase shift: the whole
-response is the magnitude of *one* pass. Forwards and backwards with the same design would be
-6 dB down, and 8 % lower in the standard deviation of D1.
+Results about a profile are given per band (EN 13848-1). The filter is a 4th-order Butterworth band-pass with zero phase
+and -3 dB at the limits of the band: its response is the magnitude of the filter applied *once*. Applied forwards and
+backwards, the same design has -6 dB at the limits and gives a standard deviation of D1 that is 8 % lower.
 """
 
 from __future__ import annotations
@@ -20,27 +19,27 @@ from trackprofile.arrays import runs
 from trackprofile.errors import DataError
 
 FILTER_NAME = "4th-order Butterworth, zero phase, -3 dB at the limits"
-"""Stored with every band-passed result: figures of different filters do not compare."""
+"""Name of the filter, stored with every filtered result: results of different filters are not comparable."""
 
 FILTER_NAMES = {
     1: FILTER_NAME,
     2: "4th-order Butterworth, forwards and backwards, -6 dB at the limits",
 }
-"""By the number of passes: both conventions are in use."""
+"""Name of the filter by the number of times it is applied: both conventions are in use."""
 
 _ORDER = 4
-_LARGEST_STEP = 3.0  # of the median step; rows farther apart are rows that are missing
+_LARGEST_STEP = 3.0  # times the median step; a larger step is a gap
 _TAIL_ENERGY = 0.0005
 
 
 @dataclass(frozen=True)
 class Band:
-    """A band of wavelengths.
+    """A wavelength band.
 
     Parameters
     ----------
-    name : as the standard calls it
-    shortest, longest : the wavelengths at which the filter is 3 dB down [m]
+    name : name in the standard
+    shortest, longest : wavelengths at which the filter has -3 dB [m]
 
     Raises
     ------
@@ -68,23 +67,23 @@ D1 = Band("D1", 3.0, 25.0)
 D2 = Band("D2", 25.0, 70.0)
 D3 = Band("D3", 70.0, 200.0)
 BANDS = (D1, D2, D3)
-"""EN 13848-1:2019, with D3 taken to 200 m."""
+"""Bands of EN 13848-1:2019, with an upper wavelength of 200 m for D3."""
 
 
 def gain(band: Band, omega: ArrayLike) -> NDArray[np.float64]:
-    """Magnitude of the band's filter.
+    """Magnitude of the frequency response of the filter of a band.
 
     |H|² = 1 / (1 + ((Ω² - Ωa Ωb) / (Ω (Ωb - Ωa)))⁸), the analogue Butterworth band-pass of
-    order 4 at each side, with Ωa = 2π/longest and Ωb = 2π/shortest.
+    order 4 on each side, with Ωa = 2π/longest and Ωb = 2π/shortest.
 
     Parameters
     ----------
-    band : the band
-    omega : spatial angular frequency, any shape, not negative [rad/m]
+    band : wavelength band
+    omega : spatial angular frequency, of any shape, not negative [rad/m]
 
     Returns
     -------
-    gain, the shape of `omega` [-]
+    gain, of the shape of `omega` [-]
 
     Examples
     --------
@@ -102,30 +101,28 @@ def gain(band: Band, omega: ArrayLike) -> NDArray[np.float64]:
 def band_pass(
     values: ArrayLike, spacing: float, band: Band, passes: int = 1
 ) -> NDArray[np.float64]:
-    """What of a profile, or of many draws of one, lies in a band; no phase shift.
+    """Filter a profile, or many samples of one, to a band, without phase shift.
 
-    The straight line from end to end is taken off and the rest continued beyond each end by odd
-    reflection, over and over: the sine transform is the Fourier transform of just that, so the
-    filter is applied exactly, by one product. Within `edge_distance` of an end the result rests
-    on that continuation.
+    The straight line through both end values is subtracted, and the remainder is continued beyond each end by repeated
+    odd reflection. The sine transform is the Fourier transform of that continuation, so that the filter is exactly one
+    product. Within `edge_distance` of an end the result depends on the continuation.
 
     Parameters
     ----------
-    values : along the last axis, any others are draws (..., n) [m, or any unit]
-    spacing : distance between the values [m]
-    band : the band
-    passes : 1 for `FILTER_NAME`; 2 for the other usual convention, forwards and backwards, which is
-        -6 dB at the limits
+    values : profile along the last axis, samples along the others, (..., n) [m, or any unit]
+    spacing : distance between two values [m]
+    band : wavelength band
+    passes : number of times the filter is applied: 1 for `FILTER_NAME`; 2 for the other convention, forwards and
+        backwards, with -6 dB at the limits
 
     Returns
     -------
-    the part of `values` in the band (..., n) [unit of `values`]
+    content of `values` in the band, (..., n) [unit of `values`]
 
     Raises
     ------
-    DataError : where a value is not finite (filter the pieces between gaps apart), or the values
-        cannot carry the band: shorter than its longest wavelength, or fewer than two values to
-        its shortest.
+    DataError : a value is not finite; or the profile is shorter than the longest wavelength, or has fewer than two
+        values per shortest wavelength.
 
     Examples
     --------
@@ -141,25 +138,26 @@ def band_pass(
     if not np.isfinite(values).all():
         first = int(np.argwhere(~np.isfinite(values))[0, -1])
         raise DataError(
-            f"Band {band.name}: value {first} is not finite; filter the pieces between gaps apart."
+            f"Band {band.name}: expected finite values, value {first} is not; filter each piece between gaps with "
+            "band_pass_pieces."
         )
     last = values.shape[-1] - 1
-    along = np.arange(1, last) / last
-    line = values[..., :1] * (1 - along) + values[..., -1:] * along
+    fraction = np.arange(1, last) / last
+    line = values[..., :1] * (1 - fraction) + values[..., -1:] * fraction
     sines = np.asarray(dst(values[..., 1:-1] - line, type=1, axis=-1, overwrite_x=True))
-    sines *= gain(band, np.pi / spacing * along) ** passes
+    sines *= gain(band, np.pi / spacing * fraction) ** passes
     filtered = np.zeros_like(values)
     filtered[..., 1:-1] = idst(sines, type=1, axis=-1, overwrite_x=True)
     return filtered
 
 
 def obstacle(band: Band, spacing: float, length: float) -> str:
-    """Why values over a length cannot carry a band, in words; empty where they can.
+    """Reason why values cannot be filtered to a band; empty if they can.
 
     Parameters
     ----------
-    band : the band
-    spacing, length : between the values, and from the first to the last [m]
+    band : wavelength band
+    spacing, length : distance between two values, and from the first to the last [m]
 
     Examples
     --------
@@ -168,7 +166,7 @@ def obstacle(band: Band, spacing: float, length: float) -> str:
     >>> obstacle(D1, 0.25, 100.0)
     ''
     """
-    # A stretch of n values stands for n steps, the last of which is not between values.
+    # n values represent n steps, of which n - 1 are between values.
     if length + spacing < band.longest * (1 - 1e-9):
         return f"Band {band.name} needs at least {band.longest:g} m in one piece, got {length:g} m"
     if spacing > band.shortest / 2:
@@ -181,12 +179,11 @@ def obstacle(band: Band, spacing: float, length: float) -> str:
 
 @lru_cache
 def edge_distance(band: Band) -> float:
-    """How far from an end a band-passed value can be trusted [m].
+    """Distance from an end within which a filtered value depends on what is beyond the end [m].
 
-    The distance beyond which the filter's impulse response, to one side, holds less than 0.05 %
-    of its energy. Long waves are stronger on a track than short ones, so this is strict: on a
-    usual spectrum whatever lies beyond the end then changes a value by 6 % of the band's standard
-    deviation.
+    Beyond this distance the one-sided impulse response of the filter has less than 0.05 % of its energy. On a typical
+    spectrum, where long waves are stronger than short ones, what is beyond the end then changes a value by 6 % of the
+    standard deviation in the band.
 
     Examples
     --------
@@ -204,16 +201,16 @@ def edge_distance(band: Band) -> float:
 def band_pass_pieces(
     values: ArrayLike, spacing: float, band: Band, passes: int = 1
 ) -> NDArray[np.float64]:
-    """The same for values with gaps: each piece between gaps is filtered apart.
+    """Filter a profile with gaps to a band: each piece between gaps separately.
 
     Parameters
     ----------
-    values : NaN in gaps (n) [any unit]
-    spacing, band, passes : as of `band_pass`
+    values : profile, NaN in gaps, (n,) [any unit]
+    spacing, band, passes : see `band_pass`
 
     Returns
     -------
-    (n) [unit of `values`]; NaN in gaps, and where a piece is too short for the band
+    (n,) [unit of `values`]; NaN in gaps, and in pieces that are too short for the band
 
     Examples
     --------
@@ -231,25 +228,24 @@ def band_pass_pieces(
 
 
 def resample(distance: ArrayLike, values: ArrayLike, at: ArrayLike) -> NDArray[np.float64]:
-    """Values at other places, by a cubic spline through each piece between gaps.
+    """Interpolate values at other distances, by a cubic spline through each piece between gaps.
 
-    At six values to a wave the spline is within 0.5 % of it; straight lines would lose 13 %. The
-    places should stand no farther apart than the values, or short waves come back as long ones.
+    With six values per wavelength the error of the spline is below 0.5 %; linear interpolation would lose 13 %. The
+    spacing of the new distances should not exceed that of the values, otherwise short waves are aliased.
 
     Parameters
     ----------
-    distance : where the values stand, strictly increasing (n) [m]; a step longer than three times
-        the median is a gap
-    values : NaN in gaps (n) [any unit]
-    at : where they are wanted, increasing (m) [m]
+    distance : of the values, strictly increasing, (n,) [m]; a step longer than three times the median is a gap
+    values : NaN in gaps, (n,) [any unit]
+    at : distances at which values are interpolated, increasing, (m,) [m]
 
     Returns
     -------
-    (m) [unit of `values`]; NaN in gaps and beyond the ends
+    (m,) [unit of `values`]; NaN in gaps and beyond the ends
 
     Raises
     ------
-    DataError : distances that do not increase.
+    DataError : the distances do not strictly increase.
 
     Examples
     --------
@@ -259,14 +255,14 @@ def resample(distance: ArrayLike, values: ArrayLike, at: ArrayLike) -> NDArray[n
     distance, values, at = (np.asarray(part, dtype=float) for part in (distance, values, at))
     steps = np.diff(distance)
     if not (steps > 0).all():
-        raise DataError("Resampling: expected distances that strictly increase; sort them first.")
+        raise DataError("Resampling: expected strictly increasing distances; sort the rows and remove repeated ones.")
     result = np.full(at.shape, np.nan)
     if steps.size == 0:
         return result
     known = np.isfinite(values)
-    for joined in runs(known[:-1] & known[1:] & (steps <= _LARGEST_STEP * np.median(steps))):
-        piece = slice(joined.start, joined.stop + 1)
-        first = np.searchsorted(at, distance[joined.start], side="left")
-        after = np.searchsorted(at, distance[joined.stop], side="right")
+    for steps_inside in runs(known[:-1] & known[1:] & (steps <= _LARGEST_STEP * np.median(steps))):
+        piece = slice(steps_inside.start, steps_inside.stop + 1)
+        first = np.searchsorted(at, distance[steps_inside.start], side="left")
+        after = np.searchsorted(at, distance[steps_inside.stop], side="right")
         result[first:after] = CubicSpline(distance[piece], values[piece])(at[first:after])
     return result

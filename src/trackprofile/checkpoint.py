@@ -1,4 +1,4 @@
-"""The blocks of a long inference, kept on disk as they are solved, so that it can be taken up again."""
+"""Checkpoints of a long inference: solved blocks are kept on disk, so that it can be resumed."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from trackprofile.inference.blocks import BlockResult
 from trackprofile.io.atomic import whole_files
 from trackprofile.preprocessing.faults import Fault, FaultKind
 
-_KEY = "of.json"
+_KEY_FILE = "of.json"
 _BAND = "band "
 
 
 class CheckpointStore(MutableMapping[int, BlockResult]):
-    """The solved blocks of one inference, one file each, in a hidden folder beside the profile that they will be.
+    """Solved blocks of one inference by number, one file each, in a hidden folder next to the profile.
 
-    A block is there whole or not at all. The folder is made with the first of them.
+    A block is stored completely or not at all. The folder is created with the first block.
     """
 
     def __init__(self, folder: Path, key: str) -> None:
@@ -46,14 +46,14 @@ class CheckpointStore(MutableMapping[int, BlockResult]):
     def __setitem__(self, number: int, piece: BlockResult) -> None:
         if not self.folder.is_dir():
             self.folder.mkdir()
-            with whole_files(self.folder / _KEY) as (file,):
+            with whole_files(self.folder / _KEY_FILE) as (file,):
                 file.write_text(json.dumps({"key": self.key}), encoding="utf-8")
         packed = io.BytesIO()
         np.savez(packed, allow_pickle=False, **_arrays(piece))
         with whole_files(self._path(number)) as (path,), path.open("wb") as file:
             file.write(packed.getbuffer())
             file.flush()
-            os.fsync(file.fileno())  # so that the name never stands for less than the whole
+            os.fsync(file.fileno())  # so that the file is complete before it gets its name
 
     def __delitem__(self, number: int) -> None:
         self._path(number).unlink()
@@ -65,7 +65,7 @@ class CheckpointStore(MutableMapping[int, BlockResult]):
         return sum(1 for _ in self)
 
     def discard(self) -> None:
-        """Remove the folder, with what is left in it."""
+        """Remove the folder with all blocks."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _path(self, number: int) -> Path:
@@ -75,36 +75,35 @@ class CheckpointStore(MutableMapping[int, BlockResult]):
 def checkpoint_store(
     profile: Path, key: str, *, resume: bool
 ) -> tuple[CheckpointStore, tuple[str, ...]]:
-    """What an interrupted inference left beside the profile that it was to write, and a sentence about it.
+    """Checkpoints of an interrupted inference, and a sentence about them.
 
     Parameters
     ----------
-    key : see `key_of`
-    resume : take it up again; else it is thrown away
+    profile : file that the inference writes
+    key : see `checkpoint_key`
+    resume : resume with the kept blocks; otherwise they are discarded
 
     Raises
     ------
-    DataError : it belongs to another recording, other options or another version.
+    DataError : the blocks are of another recording, other options or another version.
     """
-    kept = CheckpointStore(profile.with_name(f".{profile.name}.blocks"), key)
-    there = kept.folder.is_dir()
-    if resume and not there:
-        return kept, ("nothing was left to go on from: starting from the beginning",)
-    if not there:
-        return kept, ()
+    store = CheckpointStore(profile.with_name(f".{profile.name}.blocks"), key)
+    exists = store.folder.is_dir()
+    if resume and not exists:
+        return store, ("no interrupted run to resume: starting from the beginning",)
+    if not exists:
+        return store, ()
+    blocks_kept = f"{len(store)} {'block' if len(store) == 1 else 'blocks'}"
     if not resume:
-        count = len(kept)
-        kept.discard()
-        return kept, (
-            f"{count} blocks of an interrupted run were thrown away; --resume keeps them",
-        )
-    if _key_in(kept.folder) != key:
+        store.discard()
+        return store, (f"{blocks_kept} of an interrupted run discarded; use --resume to keep them",)
+    if _stored_key(store.folder) != key:
         raise DataError(
-            f"{kept.folder}: what is kept there was made from another recording, with other options or by another "
-            "version; run without --resume to start over."
+            f"{store.folder}: the blocks of the interrupted run are of another recording, other options or another "
+            "version; run without --resume to start from the beginning."
         )
-    _tidy(profile, kept.folder)
-    return kept, (f"going on after {len(kept)} blocks that are there already",)
+    _remove_unfinished_files(profile, store.folder)
+    return store, (f"resuming after {blocks_kept} of the interrupted run",)
 
 
 def checkpoint_key(recording: xr.Dataset, **options: object) -> str:
@@ -120,15 +119,15 @@ def checkpoint_key(recording: xr.Dataset, **options: object) -> str:
     )
 
 
-def _key_in(folder: Path) -> Any:
+def _stored_key(folder: Path) -> Any:
     try:
-        return json.loads((folder / _KEY).read_text(encoding="utf-8"))["key"]
+        return json.loads((folder / _KEY_FILE).read_text(encoding="utf-8"))["key"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
 
-def _tidy(profile: Path, folder: Path) -> None:
-    """Remove what a killed run was writing and did not end, by the names that `whole_files` gives."""
+def _remove_unfinished_files(profile: Path, folder: Path) -> None:
+    """Remove incomplete files of a killed run, by the names that `whole_files` gives them."""
     unfinished = re.compile(rf"\.({re.escape(profile.stem)}|\d{{6}})\.[0-9a-f]{{8}}\.\w+")
     for path in (*profile.parent.iterdir(), *folder.iterdir()):
         if unfinished.fullmatch(path.name):
@@ -136,7 +135,7 @@ def _tidy(profile: Path, folder: Path) -> None:
 
 
 def _arrays(piece: BlockResult) -> dict[str, np.ndarray]:
-    """A piece as arrays of numbers, and its texts as bytes of JSON."""
+    """A block as arrays of numbers, with its texts as bytes of JSON."""
     texts = {
         "faults": [asdict(fault) for fault in piece.faults],
         "notes": list(piece.notes),
@@ -166,4 +165,4 @@ def _read(path: Path) -> BlockResult:
             float(arrays["log_likelihood"]), tuple(texts["notes"]),
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: damaged; remove it, and it will be computed again.") from error
+        raise FileError(f"{path}: the block is damaged; remove the file, the block is then computed again.") from error

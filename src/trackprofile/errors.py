@@ -1,6 +1,6 @@
-"""What can go wrong, by whose hands it can be mended.
+"""Exceptions, by what the user has to correct.
 
-Every message is one sentence: what, where, what was expected, what was found, what to do.
+Every message is one sentence: what is wrong, where, what is expected, what was read, and the remedy.
 """
 
 from __future__ import annotations
@@ -10,35 +10,35 @@ from contextlib import contextmanager
 
 
 def printable(text: str) -> str:
-    r"""A text with all that is no letter, sign or blank shown as its code: names in a damaged file may hold anything.
+    r"""Text with non-printable characters as escape sequences: names in a damaged file may contain any of them.
 
     Examples
     --------
     >>> print(printable("speed\n\x1b[2J"))
     speed\n\x1b[2J
     """
-    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 class TrackprofileError(ValueError):
-    """Anything that this package refuses; the command line turns it into exit code 1."""
+    """Any error that this package raises for unusable input; the command line exits with code 1."""
 
     def __str__(self) -> str:
         return printable(super().__str__())
 
 
 class DataError(TrackprofileError):
-    """What was measured cannot be used: a recording, a profile, the contents of a file."""
+    """Measured data cannot be used: a recording, a profile, or the contents of a file."""
 
 
 class RowError(DataError):
-    """One row cannot be used; a reader puts its file and column in the place of `variable`.
+    """One row cannot be used; a reader replaces `variable` by its file and column.
 
     Parameters
     ----------
     variable : name of the variable, or of the column
-    row : counted from 1, which is the first row of data
-    problem : what was expected, what was found, what to do
+    row : number of the row; 1 is the first row of data
+    problem : what is expected, what was read, and the remedy
     """
 
     def __init__(self, variable: str, row: int, problem: str) -> None:
@@ -50,7 +50,7 @@ class RowError(DataError):
 
 
 class UnitError(DataError):
-    """A unit is unknown or belongs to another quantity."""
+    """A unit is unknown or of another dimension."""
 
 
 class FileError(TrackprofileError):
@@ -58,11 +58,11 @@ class FileError(TrackprofileError):
 
 
 class ModelError(TrackprofileError):
-    """A vehicle, track or sensor contradicts itself or another."""
+    """Parameters of a vehicle, track or sensor contradict each other."""
 
 
 class UndeterminedError(TrackprofileError):
-    """The data cannot tell what was asked of them."""
+    """The data do not determine the requested quantity."""
 
 
 class MissingExtraError(TrackprofileError):

@@ -1,4 +1,4 @@
-"""What this machine is, and what a process takes of it: for figures of speed and memory."""
+"""Description of this machine, and memory of a process: context for figures of speed and memory."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from typing import Any
 ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
-"""Environment of a process that computes on one core."""
+"""Environment variables of a process that computes on one core."""
 
 
 def machine() -> str:
-    """Cores, processor and Python, in words."""
+    """Number of cores, processor model, architecture and Python version, as text."""
     return f"{_processor()}, {platform.machine()}, Python {platform.python_version()}"
 
 
 def peak_memory() -> float:
-    """The most that this process has had so far [MB]."""
+    """Peak memory of this process so far [MB]."""
     status = Path("/proc/self/status")
-    if status.exists():  # Linux hands the parent's peak down to the child in ru_maxrss, not here
+    if status.exists():  # on Linux ru_maxrss of a child begins at the peak of its parent
         line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
         return int(line.split()[1]) * 1024 / 1e6
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -33,7 +33,12 @@ def peak_memory() -> float:
 
 
 def in_one_thread(module: str, expression: str) -> Any:
-    """What an expression about a module, ``of``, is, as JSON has it, in a process of its own on one thread.
+    """Evaluate an expression in a separate process with one thread, and return the result through JSON.
+
+    Parameters
+    ----------
+    module : name of the module that the expression uses, as ``of``
+    expression : Python expression with a value that JSON can hold
 
     Examples
     --------
@@ -41,14 +46,14 @@ def in_one_thread(module: str, expression: str) -> Any:
     2.0
     """
     code = f"import json; import {module} as of; print(json.dumps({expression}))"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code],
         env=os.environ | ONE_THREAD,
         stdout=subprocess.PIPE,
         text=True,
         check=True,
     )
-    return json.loads(done.stdout)
+    return json.loads(process.stdout)
 
 
 def _processor() -> str:

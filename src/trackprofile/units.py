@@ -1,4 +1,4 @@
-"""Units, converted once at the door: everything inside is SI."""
+"""Units: input is converted once, on reading; inside the package all values are in SI units."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ FACTORS: Mapping[str, Mapping[str, float]] = {
     "spatial frequency": {"rad/m": 1.0},
     "roughness": {"m² rad/m": 1.0, "cm² rad/m": 1e-4},
 }
-"""SI value of one unit, by dimension, the SI unit first; other spellings are understood too."""
+"""SI value of one unit, by dimension, the SI unit first; other spellings are accepted too."""
 
-# The ways of writing a micro, a degree, a square, a product: Greek mu, ordinal, ASCII.
+# Other spellings of micro, degree, square and product: Greek mu, ordinal indicator, ASCII.
 _SPELLINGS = str.maketrans(
     {"μ": "µ", "º": "°", "⁄": "/", "2": "²", "^": None, "·": None, "*": None, " ": None}
 )
@@ -49,12 +49,12 @@ _ASCII_MICRO = {"us": "µs", "ug": "µg"}
 
 
 def unit_factor(unit: str, dimension: str) -> float:
-    """SI value of one ``unit``.
+    """SI value of one unit.
 
     Parameters
     ----------
     unit : such as ``"km/h"``, ``"mm"``, ``"m/s^2"``, ``"m/s2"``, ``"°/s"``
-    dimension : a key of `FACTORS`, such as speed
+    dimension : key of `FACTORS`, such as "speed"
 
     Raises
     ------
@@ -71,11 +71,11 @@ def unit_factor(unit: str, dimension: str) -> float:
     for name, factor in accepted.items():
         if _plain(name) == _plain(unit):
             return factor
-    raise UnitError(f"Unit {unit!r} is not one of {dimension}; use one of {', '.join(accepted)}.")
+    raise UnitError(f"Unit {unit!r} is not a unit of {dimension}; use one of {', '.join(accepted)}.")
 
 
 def si_unit(dimension: str) -> str:
-    """The SI unit of a dimension.
+    """SI unit of a dimension.
 
     Examples
     --------
@@ -86,25 +86,25 @@ def si_unit(dimension: str) -> str:
 
 
 def quantity(text: str, dimension: str) -> float:
-    """A number with its unit, in SI.
+    """Convert text with a number and its unit to SI.
 
     Parameters
     ----------
     text : such as ``"150 km/h"``
-    dimension : a key of `FACTORS`
+    dimension : key of `FACTORS`
 
     Raises
     ------
-    UnitError : it is not a finite number followed by a unit of that dimension.
+    UnitError : the text is not a finite number followed by a unit of that dimension.
 
     Examples
     --------
     >>> quantity("36 km/h", "speed")
     10.0
     """
-    found = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*?)\s*", text)
+    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*?)\s*", text)
     try:
-        number, unit = (float(found[1]), found[2]) if found else (math.nan, "")
+        number, unit = (float(match[1]), match[2]) if match else (math.nan, "")
     except ValueError:
         number, unit = math.nan, ""
     if not math.isfinite(number):
@@ -116,13 +116,13 @@ def quantity(text: str, dimension: str) -> float:
 
 
 def to_si(values: ArrayLike, unit: str, dimension: str) -> NDArray[np.float64]:
-    """``values`` in the SI unit of their dimension: m, s, m/s, m/s² or rad/s.
+    """Convert values to the SI unit of their dimension.
 
-    A noise density per root hertz takes the factor of its channel's unit.
+    An amplitude density per root hertz has the factor of the unit of its channel.
 
     Parameters
     ----------
-    values : any shape [unit]
+    values : array of any shape [unit]
     unit, dimension : see `unit_factor`
 
     Raises

@@ -1,17 +1,17 @@
-"""The two contracts that everything else is a verb on: a recording and a profile.
+"""The two data contracts of this package: a recording and a profile.
 
-Both are an ``xarray.Dataset`` in SI units, the unit of each variable in its ``units`` attribute.
+Both are an ``xarray.Dataset`` in SI units, with the unit of each variable in its attribute ``units``.
 
 =========  ==============  ===========================================================
 contract   dimension       variables
 =========  ==============  ===========================================================
-recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor channel one
+recording  ``sample``      ``time`` and/or ``distance``, ``speed``; per sensor channel a
                            variable of any name, and ``<channel>_valid``
 profile    ``distance``    ``elevation``, ``standard_deviation``, the same per band with
                            ``_D1`` and so on, and ``quality`` flags (CF conventions, 3.5);
-                           where both rails are told apart, ``elevation_left`` and so on;
-                           of a line made of many passes, ``rate`` and ``rate_deviation``
-both                       ``distance_deviation``, how well each place is known
+                           for a profile per rail, ``elevation_left`` and so on; for a
+                           fusion of passes, ``rate`` and ``rate_deviation``
+both                       ``distance_deviation``: standard deviation of the distance
 =========  ==============  ===========================================================
 """
 

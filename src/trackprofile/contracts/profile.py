@@ -1,4 +1,4 @@
-"""The profile: the track's longitudinal level, and how well it is known."""
+"""The profile: longitudinal level of a track, with its standard deviation."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ LOADINGS = ("unloaded", "loaded")
 
 
 class Quality(IntFlag):
-    """Flags of a profile's points; 0 is good."""
+    """Quality flags of a point of a profile; 0: no remark."""
 
     GAP = 1
-    """No valid sample informed this place."""
+    """No valid sample observes this point."""
     UNCERTAIN = 2
-    """The standard deviation is close to the prior's."""
+    """The standard deviation is close to that of the prior."""
     EDGE = 4
-    """Near an end."""
+    """Near an end of the profile."""
     SLOW = 8
-    """The train was slow or stood."""
+    """The train was slow or stood still."""
     UNCONVERGED = 16
-    """The search for the elevation did not end."""
+    """The search for the elevation did not converge."""
     SATURATED = 32
-    """A sensor was at the end of its range."""
+    """A sensor was saturated: at the end of its range."""
     UNEXPLAINED = 64
-    """The model does not explain what was recorded here."""
+    """The model does not explain the recorded signals."""
     FAULTY = 128
-    """Faulty samples were left out or weighted down here; the uncertainty says what that costs."""
+    """Faulty samples were excluded or down-weighted; the standard deviation accounts for it."""
 
 
 def build_profile(
@@ -63,19 +63,19 @@ def build_profile(
     provenance: Iterable[str] = (),
     distance_deviation: ArrayLike | None = None,
 ) -> xr.Dataset:
-    """A profile from arrays in SI units, validated.
+    """Build a profile from arrays in SI units, and validate it.
 
     Parameters
     ----------
-    distance, elevation : (points,) [m]; elevation may be NaN where quality says gap
-    kind : one of `KINDS`; a posterior has a standard deviation
-    method, vehicle : in words
-    standard_deviation : (points,) of the elevation [m]
-    band_standard_deviations : the same within a band of wavelengths, by the band's name [m]
-    quality : (points,) sums of `Quality`; None if all are good
+    distance, elevation : (points,) [m]; elevation may be NaN in a gap
+    kind : one of `KINDS`; a posterior needs a standard deviation
+    method, vehicle : free text
+    standard_deviation : of the elevation, (points,) [m]
+    band_standard_deviations : of the elevation in a wavelength band, by name of the band, each (points,) [m]
+    quality : (points,), sums of `Quality`; None: no flags
     loading : one of `LOADINGS`
-    provenance : what was done so far
-    distance_deviation : (points,), standard deviation of where each point is [m]; None: not known
+    provenance : processing steps so far
+    distance_deviation : standard deviation of the distance of each point, (points,) [m]; None: unknown
 
     Raises
     ------
@@ -107,58 +107,64 @@ def build_profile(
     if distance_deviation is not None:
         put_variable(dataset, DISTANCE_DEVIATION, "distance", distance_deviation, metre)
     flags = np.zeros(dataset.sizes["distance"], np.int16) if quality is None else quality
-    described = {
+    attributes = {
         "flag_masks": np.array(list(Quality), np.int16),
         "flag_meanings": " ".join(str(flag.name).lower() for flag in Quality),
     }
-    put_variable(dataset, "quality", "distance", flags, described, np.int16)
+    put_variable(dataset, "quality", "distance", flags, attributes, np.int16)
     return validate_profile(dataset)
 
 
 def validate_profile(profile: xr.Dataset) -> xr.Dataset:
-    """The profile itself, if it keeps the contract.
+    """Check a profile against the contract, and return it.
 
     Raises
     ------
-    DataError : it has fewer than two points, a variable or attribute is missing or unknown;
-        `RowError` where distance does not increase, the elevation is missing outside a gap, or a
-        standard deviation is missing or negative.
+    DataError : it has fewer than two points, or a variable or attribute is missing or unknown.
+    RowError : distance does not increase, an elevation is missing outside a gap, or a standard deviation is missing
+        or negative.
     """
     expect_kind(profile, "profile")
     for name, accepted in (("kind", KINDS), ("loading", LOADINGS)):
-        found = text_attribute(profile.attrs, name)
-        if found not in accepted:
+        value = text_attribute(profile.attrs, name)
+        if value not in accepted:
             raise DataError(
-                f"A profile's {name} is one of {', '.join(accepted)}, this one says {found!r}."
+                f"Profile, attribute {name}: expected one of {', '.join(accepted)}, got {value!r}."
             )
     distance = float_values(profile, "distance", "distance", "m")
     elevation = float_values(profile, "elevation", "distance", "m")
     gap = (integer_values(profile, "quality", "distance") & Quality.GAP) != 0
     if len(distance) < 2:
-        raise DataError(f"A profile needs at least 2 points, this one has {len(distance)}.")
+        raise DataError(
+            f"A profile needs at least 2 points, got {len(distance)}; select a longer stretch."
+        )
     check_finite("distance", distance)
     check_increasing("distance", distance, "m")
     refuse_rows(
         ~np.isfinite(elevation) & ~(gap & np.isnan(elevation)),
         "elevation",
-        "there is no finite number and the quality does not say gap (1); mark or remove the row.",
+        "expected a finite number where the quality is not a gap (1); mark the row as a gap or remove it.",
     )
-    spreads = [str(name) for name in profile if str(name).startswith("standard_deviation")]
-    for name in spreads:
-        spread = float_values(profile, name, "distance", "m")
-        good = ((spread >= 0) & np.isfinite(spread)) | (gap & np.isnan(spread))
-        refuse_rows(~good, name, "expected a finite number, zero or more; mend or remove it.")
+    deviations = [str(name) for name in profile if str(name).startswith("standard_deviation")]
+    for name in deviations:
+        deviation = float_values(profile, name, "distance", "m")
+        is_valid = ((deviation >= 0) & np.isfinite(deviation)) | (gap & np.isnan(deviation))
+        refuse_rows(
+            ~is_valid, name, "expected a finite number, zero or more; correct or remove the row."
+        )
     if DISTANCE_DEVIATION in profile:
         check_deviation(
             DISTANCE_DEVIATION, float_values(profile, DISTANCE_DEVIATION, "distance", "m")
         )
-    if profile.attrs["kind"] == "posterior" and "standard_deviation" not in spreads:
-        raise DataError("A posterior needs its standard_deviation; without it, it is a point.")
+    if profile.attrs["kind"] == "posterior" and "standard_deviation" not in deviations:
+        raise DataError(
+            "Profile: a posterior needs the variable standard_deviation; add it, or set the attribute kind to point."
+        )
     return profile
 
 
 def known_elevation(profile: xr.Dataset) -> NDArray[np.float64]:
-    """A profile's elevation, NaN at every point that is flagged as a gap [m]."""
+    """Elevation of a profile, (points,) [m]; NaN at points that are flagged as a gap."""
     elevation = profile["elevation"].to_numpy()
     if "quality" not in profile:
         return elevation

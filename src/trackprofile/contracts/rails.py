@@ -1,9 +1,9 @@
-"""A profile per rail: the left, the right and their difference beside the mean, in the same dataset.
+"""A profile per rail: left, right and their difference, in the dataset with the mean of both.
 
-Beside ``elevation``, which is the mean of both rails, a profile may have ``elevation_left``, ``elevation_right`` and
-``elevation_difference`` (left minus right, the cross level in its bands), each with its own
-``elevation_left_standard_deviation``, the same per band with ``_D1`` and so on, and ``elevation_difference_quality``:
-flags of what only both sides together can tell.
+In addition to ``elevation``, which is the mean of both rails, a profile may have ``elevation_left``,
+``elevation_right`` and ``elevation_difference`` (left minus right: the cross level, per band), each with a standard
+deviation such as ``elevation_left_standard_deviation``, the same per band with ``_D1`` and so on.
+``elevation_difference_quality`` has the quality flags that only the sensors of both sides together determine.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 class Rail(StrEnum):
-    """Of which rail an elevation is; left as the train runs."""
+    """Rail of an elevation; left in the direction of travel."""
 
     MEAN = "mean"
     LEFT = "left"
@@ -38,7 +38,7 @@ class Rail(StrEnum):
 
 
 SEPARATE_RAILS = (Rail.LEFT, Rail.RIGHT, Rail.DIFFERENCE)
-"""Those that have variables of their own."""
+"""Rails with variables of their own."""
 
 DIFFERENCE_QUALITY = "elevation_difference_quality"
 _SPREAD = "standard_deviation"
@@ -46,7 +46,7 @@ _SPREAD = "standard_deviation"
 
 @dataclass(frozen=True, eq=False)
 class RailLevel:
-    """One rail's elevation, (points,), its standard deviation, and the same per band by its name, all in m."""
+    """Elevation of one rail, its standard deviation, and the same by name of the band; each (points,) [m]."""
 
     elevation: ArrayLike
     standard_deviation: ArrayLike | None = None
@@ -56,13 +56,13 @@ class RailLevel:
 def with_rails(
     profile: xr.Dataset, levels: Mapping[Rail, RailLevel], quality: ArrayLike | None = None
 ) -> xr.Dataset:
-    """The profile of the mean with those of left, right and difference beside it, validated.
+    """Add left, right and difference to the profile of the mean, and validate it.
 
     Parameters
     ----------
     profile : the profile contract
-    levels : of `SEPARATE_RAILS`, at the profile's points; without a difference it is left minus right
-    quality : (points,), sums of `Quality` of the difference; None if all are good
+    levels : by rail of `SEPARATE_RAILS`, at the points of the profile; a missing difference is left minus right
+    quality : (points,), sums of `Quality` of the difference; None: no flags
 
     Raises
     ------
@@ -76,22 +76,24 @@ def with_rails(
     >>> select_rail(with_rails(mean, sides), Rail.DIFFERENCE)["elevation"].values
     array([0.002, 0.   ])
     """
-    found = profile.copy()
+    result = profile.copy()
     metre = {"units": "m"}
     for rail, level in _with_difference(levels).items():
         name = rail_variable(rail)
-        put_variable(found, name, "distance", level.elevation, metre)
+        put_variable(result, name, "distance", level.elevation, metre)
         if level.standard_deviation is not None:
-            put_variable(found, f"{name}_{_SPREAD}", "distance", level.standard_deviation, metre)
+            put_variable(result, f"{name}_{_SPREAD}", "distance", level.standard_deviation, metre)
         for band, values in level.band_standard_deviations.items():
-            put_variable(found, f"{name}_{_SPREAD}_{band}", "distance", values, metre)
-    flags = np.zeros(found.sizes["distance"], np.int16) if quality is None else quality
-    put_variable(found, DIFFERENCE_QUALITY, "distance", flags, _described(profile), np.int16)
-    return validate_rails(found)
+            put_variable(result, f"{name}_{_SPREAD}_{band}", "distance", values, metre)
+    flags = np.zeros(result.sizes["distance"], np.int16) if quality is None else quality
+    put_variable(
+        result, DIFFERENCE_QUALITY, "distance", flags, _quality_attributes(profile), np.int16
+    )
+    return validate_rails(result)
 
 
 def available_rails(profile: xr.Dataset) -> tuple[Rail, ...]:
-    """The rails that a profile has an elevation of: the mean, and all others or none.
+    """Rails of which a profile has an elevation: the mean, and all others or none.
 
     Examples
     --------
@@ -103,55 +105,57 @@ def available_rails(profile: xr.Dataset) -> tuple[Rail, ...]:
 
 
 def select_rail(profile: xr.Dataset, rail: Rail) -> xr.Dataset:
-    """The profile of one rail alone: its elevation, standard deviations and flags under the usual names.
+    """Profile of one rail: its elevation, standard deviations and flags under the names of the contract.
 
     Raises
     ------
-    DataError : it has none of that rail.
+    DataError : the profile has no elevation of that rail.
     """
-    alone = profile.drop_vars([name for name in map(str, profile.data_vars) if _apart(name)])
+    single = profile.drop_vars([name for name in map(str, profile.data_vars) if _is_separate(name)])
     if rail is Rail.MEAN:
-        return alone
+        return single
     if rail not in available_rails(profile):
         raise DataError(
-            f"The profile has no elevation of the {rail} rail, only the mean of both; infer it from sensors left and "
-            "right, or leave --rail out."
+            f"Profile: expected an elevation of the rail {rail!s}, got the mean of both only; infer it from sensors on "
+            "the left and on the right, or choose the mean."
         )
     own = rail_variable(rail)
-    alone = alone.drop_vars(
-        [name for name in map(str, alone.data_vars) if name.startswith(_SPREAD)]
+    single = single.drop_vars(
+        [name for name in map(str, single.data_vars) if name.startswith(_SPREAD)]
     )
     for name in map(str, profile.data_vars):
         if name == own or name.startswith(f"{own}_{_SPREAD}"):
-            usual = "elevation" if name == own else name.removeprefix(f"{own}_")
-            alone[usual] = profile[name]
+            target = "elevation" if name == own else name.removeprefix(f"{own}_")
+            single[target] = profile[name]
     flags = (
         profile[DIFFERENCE_QUALITY]
         if DIFFERENCE_QUALITY in profile
         else xr.zeros_like(profile["quality"])
     )
     quality = flags if rail is Rail.DIFFERENCE else profile["quality"] | flags
-    alone["quality"] = quality.astype(np.int16).assign_attrs(profile["quality"].attrs)
-    if alone.attrs["kind"] == "posterior" and _SPREAD not in alone:
-        alone = alone.assign_attrs(kind="point")
-    return validate_profile(alone)
+    single["quality"] = quality.astype(np.int16).assign_attrs(profile["quality"].attrs)
+    if single.attrs["kind"] == "posterior" and _SPREAD not in single:
+        single = single.assign_attrs(kind="point")
+    return validate_profile(single)
 
 
 def validate_rails(profile: xr.Dataset) -> xr.Dataset:
-    """The profile itself, if what it says of single rails keeps the contract too.
+    """Check a profile and its single rails against the contract, and return it.
 
     Raises
     ------
-    DataError : the profile alone does not, or one of left, right and difference is missing; `RowError` where an
-        elevation is missing outside a gap, or a standard deviation is missing or negative.
+    DataError : see `validate_profile`; or one of left, right and difference is missing.
+    RowError : an elevation is missing outside a gap, or a standard deviation is missing or negative.
     """
     validate_profile(profile)
-    there = available_rails(profile)[1:]
-    if not there:
+    rails = available_rails(profile)[1:]
+    if not rails:
         return profile
-    if there != SEPARATE_RAILS:
-        missing = ", ".join(rail_variable(rail) for rail in SEPARATE_RAILS if rail not in there)
-        raise DataError(f"A profile per rail has left, right and difference; {missing} is missing.")
+    if rails != SEPARATE_RAILS:
+        missing = ", ".join(rail_variable(rail) for rail in SEPARATE_RAILS if rail not in rails)
+        raise DataError(
+            f"A profile per rail needs left, right and difference; add the missing {missing}."
+        )
     flags = integer_values(profile, "quality", "distance")
     gaps = (
         integer_values(profile, DIFFERENCE_QUALITY, "distance")
@@ -172,7 +176,7 @@ def validate_rails(profile: xr.Dataset) -> xr.Dataset:
 
 
 def rail_variable(rail: Rail) -> str:
-    """The name of a rail's elevation.
+    """Name of the elevation of a rail.
 
     Examples
     --------
@@ -189,9 +193,9 @@ def _with_difference(levels: Mapping[Rail, RailLevel]) -> Mapping[Rail, RailLeve
     return {**levels, Rail.DIFFERENCE: RailLevel(left - right)}
 
 
-def _apart(name: str) -> bool:
+def _is_separate(name: str) -> bool:
     return any(name.startswith(rail_variable(rail)) for rail in SEPARATE_RAILS)
 
 
-def _described(profile: xr.Dataset) -> Mapping[str, object]:
+def _quality_attributes(profile: xr.Dataset) -> Mapping[str, object]:
     return {str(key): value for key, value in profile["quality"].attrs.items()}

@@ -1,7 +1,8 @@
-"""A line made of many passes: how fast its level changes, beside the level, in the same dataset.
+"""The rate of change of a profile that is a fusion of many passes.
 
-Beside ``elevation`` such a profile has ``rate``, its change, and ``rate_deviation``, the standard deviation of that in
-all waves, and the same per band with ``_D1`` and so on. Only a fusion of passes knows them; a single pass has none.
+In addition to ``elevation`` such a profile has ``rate``, the change of the elevation with time, and
+``rate_deviation``, the standard deviation of the rate over all wavelengths, and the same per band with ``_D1`` and so
+on. The profile of a single pass has none of them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from trackprofile.contracts.validation import (
 from trackprofile.errors import DataError
 
 FUSION_METHOD = "fusion of"
-"""With which the method of a profile begins that was made of many passes."""
+"""Beginning of the attribute ``method`` of a profile that is a fusion of passes."""
 
 RATE, RATE_DEVIATION = "rate", "rate_deviation"
 RATE_UNIT = "m/day"
@@ -34,14 +35,14 @@ def with_rate(
     deviation: ArrayLike,
     band_deviations: Mapping[str, ArrayLike],
 ) -> xr.Dataset:
-    """The profile with its rate of change, validated.
+    """Add the rate of change to a profile, and validate it.
 
     Parameters
     ----------
     profile : the profile contract
     rate : (points,) [m/day]
-    deviation : (points,), standard deviation of that [m/day]
-    band_deviations : the same within a band of wavelengths, by the band's name
+    deviation : standard deviation of the rate, (points,) [m/day]
+    band_deviations : the same in a wavelength band, by name of the band, each (points,) [m/day]
 
     Raises
     ------
@@ -54,36 +55,38 @@ def with_rate(
     >>> has_rate(line), has_rate(with_rate(line, [0.0, -1e-5], [1e-6, 1e-6], {}))
     (False, True)
     """
-    found, unit = profile.copy(), {"units": RATE_UNIT}
-    put_variable(found, RATE, "distance", rate, unit)
-    put_variable(found, RATE_DEVIATION, "distance", deviation, unit)
+    result, unit = profile.copy(), {"units": RATE_UNIT}
+    put_variable(result, RATE, "distance", rate, unit)
+    put_variable(result, RATE_DEVIATION, "distance", deviation, unit)
     for band, values in band_deviations.items():
-        put_variable(found, f"{RATE_DEVIATION}_{band}", "distance", values, unit)
-    return validate_rate(found)
+        put_variable(result, f"{RATE_DEVIATION}_{band}", "distance", values, unit)
+    return validate_rate(result)
 
 
 def has_rate(profile: xr.Dataset) -> bool:
-    """Whether a profile is that of a line, made of many passes."""
+    """Whether a profile has a rate of change, as a fusion of passes has."""
     return RATE in profile
 
 
 def rate_variables(profile: xr.Dataset) -> list[str]:
-    """The names of the rate and its deviations."""
+    """Names of the rate and its standard deviations."""
     return [name for name in map(str, profile.data_vars) if name == RATE or _is_deviation(name)]
 
 
 def validate_rate(profile: xr.Dataset) -> xr.Dataset:
-    """The profile itself, if what it says of its rate keeps the contract too.
+    """Check a profile and its rate of change against the contract, and return it.
 
     Raises
     ------
-    DataError : the profile alone does not, or a rate stands without its deviation; `RowError` where one is missing
-        outside a gap, or a deviation is negative.
+    DataError : see `validate_rails`; or only one of rate and standard deviation is given.
+    RowError : a value is missing outside a gap, or a standard deviation is negative.
     """
     validate_rails(profile)
     names = rate_variables(profile)
     if names and not {RATE, RATE_DEVIATION} <= set(names):
-        raise DataError(f"A line has both {RATE} and {RATE_DEVIATION}; this one has {names[0]}.")
+        raise DataError(
+            f"Profile: expected both {RATE} and {RATE_DEVIATION}, got {names[0]} only; add the other."
+        )
     gap = (integer_values(profile, "quality", "distance") & Quality.GAP) != 0
     for name in names:
         values = float_values(profile, name, "distance", RATE_UNIT)

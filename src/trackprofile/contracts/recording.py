@@ -1,4 +1,4 @@
-"""The recording: what a train's sensors measured, and how it moved meanwhile."""
+"""The recording: signals of the sensors on a train, and its motion."""
 
 from __future__ import annotations
 
@@ -33,36 +33,36 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
     "pitch rate": ("rad/s", "angular rate"),
     "roll rate": ("rad/s", "angular rate"),
 }
-"""What a channel may measure: its SI unit, and its dimension in `trackprofile.units`."""
+"""Quantities of a channel: SI unit, and dimension in `trackprofile.units`."""
 
 FIRST_END, LAST_END = VEHICLE_ENDS = ("first", "last")
-"""Which wheel of a vehicle leads, as its positions count."""
+"""Ends of a vehicle, of which one leads: that of its first or of its last wheel."""
 
 MAX_DECELERATION = 3.0
-"""Above what any train's brakes do [m/s²]; emergency brakes of trams reach it."""
+"""Upper bound of the deceleration of a train [m/s²]; emergency brakes of trams reach it."""
 
 SENSOR_NUMBERS = ("noise_density", "bandwidth", "flicker")
-"""What a channel may state of itself, each above zero."""
+"""Optional positive numbers of a channel."""
 
 _MOTION_UNITS = {"time": "s", "distance": "m", "speed": "m/s"}
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """What one sensor recorded.
+    """Signal of one sensor.
 
     Parameters
     ----------
-    name : of the variable; without "/", not ending in "_valid"
+    name : name of the variable; without "/", not ending in "_valid"
     values : (samples,) [m/s² or rad/s]
     quantity : a key of `QUANTITIES`
-    body : the vehicle's body that carries the sensor
-    position : ahead of that body's centre [m]
-    lateral : to the left of that body's middle [m]
-    noise_density : one-sided, in the channel's unit per √Hz; None if not known
-    valid : (samples,), False where the sample is not to be used; None if all are good
-    bandwidth : where the sensor's own filter cuts off [Hz]; None if the sampling sets it
-    flicker : root of the one-sided density of the 1/f noise at 1 Hz, in the channel's unit per √Hz; None if not known
+    body : name of the vehicle's body that carries the sensor
+    position : distance ahead of the centre of that body [m]
+    lateral : distance to the left of the centre of that body [m]
+    noise_density : one-sided amplitude density of the white noise [unit of the channel/√Hz]; None: unknown
+    valid : (samples,), False where a sample must not be used; None: all are valid
+    bandwidth : cut-off frequency of the sensor's filter [Hz]; None: set by the sampling
+    flicker : one-sided amplitude density of the 1/f noise at 1 Hz [unit of the channel/√Hz]; None: unknown
     """
 
     name: str
@@ -94,18 +94,18 @@ def build_recording(
     leading_end: str = "",
     identity: str = "",
 ) -> xr.Dataset:
-    """A recording from arrays in SI units, validated.
+    """Build a recording from arrays in SI units, and validate it.
 
     Parameters
     ----------
-    channels : at least one
-    time, distance, speed : (samples,) [s, m, m/s]; speed may be left out only where both others are
-    line, direction, source, vehicle : in words
-    provenance : what was done so far
-    clock_fault : (samples,), sums of `trackprofile.preprocessing.faults.ClockFault`; None: the clock was good
-    distance_deviation : (samples,), standard deviation of the distance [m]; None: not known
-    wheel_scale : true over nominal diameter of the wheel, where positions have put the distance right by it
-    leading_end : of the vehicle as it is described, where that is known: one of `VEHICLE_ENDS`
+    channels : signals of at least one sensor
+    time, distance, speed : (samples,) [s, m, m/s]; speed is optional where both others are given
+    line, direction, source, vehicle : free text
+    provenance : processing steps so far
+    clock_fault : (samples,), sums of `trackprofile.preprocessing.faults.ClockFault`; None: the clock has none
+    distance_deviation : (samples,), standard deviation of the distance [m]; None: unknown
+    wheel_scale : true over nominal diameter of the wheel, where the distance was corrected by it
+    leading_end : end of the vehicle that leads, one of `VEHICLE_ENDS`; "": unknown
     identity : digest that identifies what was read from a file; "": the recording is identified by its arrays
 
     Raises
@@ -148,7 +148,7 @@ def build_recording(
 
 
 def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
-    """The channels of a recording, in order, `Channel.valid` always an array.
+    """Channels of a recording, in order; `Channel.valid` is always an array.
 
     Examples
     --------
@@ -175,19 +175,20 @@ def channels(recording: xr.Dataset) -> tuple[Channel, ...]:
 
 
 def validate_recording(recording: xr.Dataset) -> xr.Dataset:
-    """The recording itself, if it keeps the contract.
+    """Check a recording against the contract, and return it.
 
     Raises
     ------
-    DataError : it has no channel, fewer than two samples, does not say how the train moved, or a
-        channel is not described; `RowError` where it is one row that cannot be used: a number
-        missing that is not marked invalid, time that does not increase, distance or speed that
-        runs backwards, a speed of zero where there is no time.
+    DataError : it has no channel, fewer than two samples or no motion, or a channel is not described.
+    RowError : a value is missing that is not marked invalid, time does not increase, distance decreases, speed is
+        negative, or speed is zero in a recording without time.
     """
     expect_kind(recording, "recording")
     samples = recording.sizes.get("sample", 0)
     if samples < 2:
-        raise DataError(f"A recording needs at least 2 samples, this one has {samples}.")
+        raise DataError(
+            f"A recording needs at least 2 samples, got {samples}; record or select more."
+        )
     _check_motion(
         *(
             float_values(recording, name, "sample", unit) if name in recording else None
@@ -201,7 +202,7 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
     scale = number_attribute({"wheel_scale": 1.0} | recording.attrs, "wheel_scale")
     if not 0 < scale < np.inf:
         raise DataError(
-            f"A recording's wheel_scale is a number above zero, this one says {scale:g}."
+            f"Recording, attribute wheel_scale: expected a number above zero, got {scale:g}."
         )
     if DISTANCE_DEVIATION in recording:
         check_deviation(
@@ -209,23 +210,23 @@ def validate_recording(recording: xr.Dataset) -> xr.Dataset:
         )
     names = [name for name, one in recording.data_vars.items() if "quantity" in one.attrs]
     if not names:
-        raise DataError("A recording needs at least one sensor channel, this one has none.")
+        raise DataError("A recording needs at least one sensor channel, got none; add one.")
     for name in names:
         _check_channel(str(name), recording)
     return recording
 
 
 def leading_end(recording: xr.Dataset) -> str:
-    """Which wheel of the vehicle leads, one of `VEHICLE_ENDS`; "" where the recording does not say.
+    """End of the vehicle that leads, one of `VEHICLE_ENDS`; "" if it is unknown.
 
     Raises
     ------
-    DataError : it says something else.
+    DataError : the attribute has another value.
     """
     end = text_attribute(recording.attrs, "leading_end") or ""
     if end not in {"", *VEHICLE_ENDS}:
         raise DataError(
-            f"A recording's leading_end is one of {', '.join(VEHICLE_ENDS)}, this one says {end!r}."
+            f"Recording, attribute leading_end: expected one of {', '.join(VEHICLE_ENDS)}, got {end!r}."
         )
     return end
 
@@ -239,8 +240,8 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
         or name in {*dataset, *_MOTION_UNITS, DISTANCE_DEVIATION}
     ):
         raise DataError(
-            f"Channel {name!r}: expected a name of its own, without '/', not ending in '_valid', "
-            f"and none of {', '.join(_MOTION_UNITS)}."
+            f"Channel {name!r}: expected a unique name without '/' that does not end in '_valid' and is not one of "
+            f"{', '.join(_MOTION_UNITS)}; rename the channel."
         )
     attributes = {
         "units": QUANTITIES.get(channel.quantity, ("", ""))[0],
@@ -260,9 +261,9 @@ def _put_channel(dataset: xr.Dataset, channel: Channel) -> None:
 
 def _check_motion(time: Array | None, distance: Array | None, speed: Array | None) -> None:
     if time is None and distance is None:
-        raise DataError("A recording needs time or distance, this one has neither.")
+        raise DataError("A recording needs a time or a distance, got neither; add one.")
     if speed is None and (time is None or distance is None):
-        raise DataError("A recording needs two of time, distance and speed, this one has one.")
+        raise DataError("A recording needs two of time, distance and speed, got one; add another.")
     if time is not None:
         check_finite("time", time)
         check_increasing("time", time, "s")
@@ -270,35 +271,39 @@ def _check_motion(time: Array | None, distance: Array | None, speed: Array | Non
         check_finite("distance", distance)
         check_increasing("distance", distance, "m", standing_allowed=time is not None)
         if distance[-1] == distance[0]:
-            raise DataError("The distance is the same in every row: the train never moved.")
+            raise DataError(
+                "distance: the same in every row, the train did not move; choose another column or recording."
+            )
     if speed is not None:
         _check_speed(speed, None if time is not None else distance)
 
 
 def _check_speed(speed: Array, without_time: Array | None) -> None:
-    """``without_time`` is the distance of a recording that has no time."""
+    """Check the speed; ``without_time`` is the distance of a recording that has no time."""
     check_finite("speed", speed)
     refuse_rows(
         speed < 0,
         "speed",
-        "the speed is {:g} m/s; expected zero or more: turn the recording round, or mend its sign.",
+        "expected a speed of zero or more, got {:g} m/s; reverse the recording, or correct the sign.",
         speed,
     )
     if not speed.any():
-        raise DataError("The speed is zero in every row: the train never moved.")
+        raise DataError(
+            "speed: zero in every row, the train did not move; choose another column or recording."
+        )
     if without_time is not None:
         refuse_rows(
             (speed == 0) & ~_can_stand(speed, without_time),
             "speed",
-            "the speed is zero between rows where the train runs, and without time a recording cannot "
-            "say how long it stood; add the time, or mend or remove the row.",
+            "the speed is zero between rows where the train runs, and a recording without time does not determine how "
+            "long it stood; add the time, or correct or remove the row.",
         )
 
 
 def _can_stand(speed: Array, distance: Array) -> NDArray[np.bool_]:
-    """Where no brake is needed that trains do not have: v² ≤ 2 a Δs against both neighbours.
+    """Rows in which the train can stand: v² ≤ 2 a Δs to both neighbours, with a of `MAX_DECELERATION`.
 
-    A train that creeps below the recorded step reads zero there.
+    A speed below the recorded step is recorded as zero.
     """
     reachable = 2 * MAX_DECELERATION * np.diff(distance) >= np.abs(np.diff(speed**2))
     return np.concatenate([[True], reachable]) & np.concatenate([reachable, [True]])
@@ -309,16 +314,18 @@ def _check_channel(name: str, recording: xr.Dataset) -> None:
     quantity = text_attribute(attributes, "quantity")
     if quantity is None or quantity not in QUANTITIES:
         raise DataError(
-            f"Channel {name!r}: its quantity is one of {', '.join(QUANTITIES)}, got {quantity!r}."
+            f"Channel {name!r}: expected a quantity out of {', '.join(QUANTITIES)}, got {quantity!r}."
         )
     body = attributes.get("body")
     if not (
         isinstance(body, str) and body and np.isfinite(number_attribute(attributes, "position"))
     ):
-        raise DataError(f"Channel {name!r}: expected the body it is on, and a position on it in m.")
+        raise DataError(
+            f"Channel {name!r}: expected the name of its body, and its position on it in m; add them."
+        )
     if not np.isfinite(number_attribute({"lateral": 0.0} | attributes, "lateral")):
         raise DataError(
-            f"Channel {name!r}: expected a lateral position in m, positive to the left."
+            f"Channel {name!r}: expected a lateral position in m, positive to the left, got a value that is not finite."
         )
     for optional in SENSOR_NUMBERS:
         number = number_attribute({optional: 1.0} | attributes, optional)
@@ -327,12 +334,12 @@ def _check_channel(name: str, recording: xr.Dataset) -> None:
     values = float_values(recording, name, "sample", QUANTITIES[quantity][0])
     valid = integer_values(recording, f"{name}_valid", "sample").astype(bool)
     if not valid.any():
-        raise DataError(f"Channel {name!r}: no sample is marked valid; leave this channel out.")
+        raise DataError(f"Channel {name!r}: no sample is marked valid; remove the channel.")
     refuse_rows(
         valid & ~np.isfinite(values),
         name,
-        "there is no finite number; mark such samples invalid with a column of 1 and 0 "
-        '(in the recording\'s TOML: valid = "its name").',
+        "expected a finite number; mark such samples invalid in a column of 1 and 0 "
+        '(in the TOML of the recording: valid = "name of the column").',
     )
 
 
