@@ -17,8 +17,7 @@ from scipy.io import savemat
 
 from trackprofile.contracts import Channel, build_recording, channels, recording_identity
 from trackprofile.errors import DataError, FileError
-from trackprofile.io import subprocess_reader as apart
-from trackprofile.io import write
+from trackprofile.io import subprocess_reader, write
 from trackprofile.io.csv_dialect import find_dialect
 from trackprofile.io.table import LOGGER_SUFFIXES, headings, read_columns, write_columns
 from trackprofile.reader import read
@@ -237,12 +236,12 @@ def test_missing_library_is_named_with_how_to_get_it(
     monkeypatch.syspath_prepend(hidden)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(hidden), *sys.path]))
     (tmp_path / f"a{suffix}").write_bytes(b"anything")
-    apart.end()
+    subprocess_reader.stop_worker()
     try:
         with pytest.raises(FileError, match=r"install it: pip install 'trackprofile\["):
             read(explained(tmp_path, f"a{suffix}"))
     finally:
-        apart.end()
+        subprocess_reader.stop_worker()
 
 
 @pytest.mark.parametrize("suffix", LOGGER_SUFFIXES)

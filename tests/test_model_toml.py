@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from trackprofile.errors import FileError, ModelError, TrackprofileError, UnitError
 from trackprofile.io.model_toml import (
-    check_vehicle_place,
+    check_vehicle_path,
     presets,
     read_roughness,
     read_sensors,
@@ -403,8 +403,8 @@ def test_a_vehicle_replaces_no_other_file(tmp_path: Path) -> None:
         write_vehicle(*read_vehicle("velaro"), path)
     assert path.read_text(encoding="utf-8") == TRACK
     with pytest.raises(FileError, match=r"ends in \.toml"):
-        check_vehicle_place(tmp_path / "vehicle.json")
-    check_vehicle_place(put(tmp_path, CART))
+        check_vehicle_path(tmp_path / "vehicle.json")
+    check_vehicle_path(put(tmp_path, CART))
 
 
 def test_layered_track_is_read_with_its_changes(tmp_path: Path) -> None:

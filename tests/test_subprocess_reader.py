@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io import subprocess_reader as apart
+from trackprofile.io import subprocess_reader
 from trackprofile.io.column_info import ColumnInfo
 
 BEHAVIOUR = """
@@ -20,10 +20,10 @@ import numpy as np
 from trackprofile.errors import DataError, FileError
 from trackprofile.io.column_info import ColumnInfo
 
-def headings_here(path):
+def headings_in_process(path):
     return [ColumnInfo("a", "m", 3, "t")]
 
-def read_here(path, names):
+def read_in_process(path, names):
     what = path.read_text()
     if what == "crash":
         os.abort()
@@ -50,13 +50,13 @@ def _behaving(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "behaving.py").write_text(BEHAVIOUR, encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
     # A worker that another test has left does not know this module.
-    apart.end()
+    subprocess_reader.stop_worker()
 
 
 def tried(folder: Path, what: str, *names: str) -> dict[str, np.ndarray]:
     file = folder / "file with a\ttab\nand more"
     file.write_text(what, encoding="utf-8")
-    return apart.columns_apart(file, "behaving", names)
+    return subprocess_reader.columns_in_subprocess(file, "behaving", names)
 
 
 def test_columns_come_back_to_the_last_bit(tmp_path: Path) -> None:
@@ -70,7 +70,9 @@ def test_columns_come_back_to_the_last_bit(tmp_path: Path) -> None:
 
 
 def test_headings_come_back_as_they_were(tmp_path: Path) -> None:
-    assert apart.headings_apart(tmp_path, "behaving") == (ColumnInfo("a", "m", 3, "t"),)
+    assert subprocess_reader.headings_in_subprocess(tmp_path, "behaving") == (
+        ColumnInfo("a", "m", 3, "t"),
+    )
 
 
 def test_a_reader_that_an_earlier_file_has_harmed_is_replaced(tmp_path: Path) -> None:
@@ -92,7 +94,7 @@ def test_a_file_that_never_ends_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried(tmp_path, "good")
-    monkeypatch.setattr(apart, "PATIENCE", 0.5)
+    monkeypatch.setattr(subprocess_reader, "TIME_LIMIT", 0.5)
     started = time.monotonic()
     with pytest.raises(FileError, match="damaged so that it cannot be read to its end"):
         tried(tmp_path, "hang")

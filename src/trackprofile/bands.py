@@ -255,7 +255,9 @@ def resample(distance: ArrayLike, values: ArrayLike, at: ArrayLike) -> NDArray[n
     distance, values, at = (np.asarray(part, dtype=float) for part in (distance, values, at))
     steps = np.diff(distance)
     if not (steps > 0).all():
-        raise DataError("Resampling: expected strictly increasing distances; sort the rows and remove repeated ones.")
+        raise DataError(
+            "Resampling: expected strictly increasing distances; sort the rows and remove repeated ones."
+        )
     result = np.full(at.shape, np.nan)
     if steps.size == 0:
         return result

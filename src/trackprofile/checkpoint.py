@@ -165,4 +165,6 @@ def _read(path: Path) -> BlockResult:
             float(arrays["log_likelihood"]), tuple(texts["notes"]),
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: the block is damaged; remove the file, the block is then computed again.") from error
+        raise FileError(
+            f"{path}: the block is damaged; remove the file, the block is then computed again."
+        ) from error

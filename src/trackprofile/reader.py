@@ -9,7 +9,7 @@ import xarray as xr
 from trackprofile import io
 from trackprofile.io import inspection
 from trackprofile.io.inspection import Inspection
-from trackprofile.io.table import located
+from trackprofile.io.table import error_location
 from trackprofile.io.unlocated_recording import UnlocatedRecording
 
 
@@ -48,7 +48,7 @@ def locate_recording(recording: UnlocatedRecording) -> xr.Dataset:
     # Numba, which this imports, takes a third of a second; most recordings do without.
     from trackprofile.positioning.locate import locate
 
-    with located(recording.data, recording.columns):
+    with error_location(recording.data, recording.columns):
         estimate = locate(recording.sources, recording.time)
     return recording.located(
         distance=estimate.distance,

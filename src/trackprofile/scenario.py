@@ -47,9 +47,9 @@ from trackprofile.io.scenario_tables import (
     IntegrationTable,
     RunTable,
     ScenarioTable,
-    placed,
+    preset_or_path,
 )
-from trackprofile.io.table import located
+from trackprofile.io.table import error_location
 from trackprofile.io.toml_document import load
 from trackprofile.models.integrate import Scheme, newmark, wilson
 from trackprofile.models.irregularity import Irregularity, Sum
@@ -215,22 +215,22 @@ def step_errors(scenario: Scenario, made: SimulatedRun) -> dict[str, float]:
 
 def _scenario(path: Path, table: ScenarioTable, seed: int) -> Scenario:
     beside = path.parent
-    vehicle, _ = read_vehicle(placed(table.vehicle, beside))
+    vehicle, _ = read_vehicle(preset_or_path(table.vehicle, beside))
     sampling_interval = 1.0 / _positive(table.sampling, "sampling")
-    with located("[integration]"):
+    with error_location("[integration]"):
         scheme = _scheme(table.integration, sampling_interval)
-    with located("[run]"):
+    with error_location("[run]"):
         run = _run(table.run, sampling_interval)
     span = _span(run, scheme, vehicle.length)
     parts = []
     for number, one in enumerate(table.irregularity, start=1):
-        with located(f"irregularity {number}, {one.kind}"):
+        with error_location(f"irregularity {number}, {one.kind}"):
             parts.append(one.made(beside, span))
     instruments = _instruments(table, beside)
     _check_bodies(vehicle, instruments)
     if table.anti_alias:
         instruments = tuple(with_anti_alias_filter(one, sampling_interval) for one in instruments)
-    track = _changed(read_track(placed(table.track, beside)), table.change)
+    track = _changed(read_track(preset_or_path(table.track, beside)), table.change)
     check_step(vehicle_matrices(vehicle), track, scheme)
     return Scenario(
         path.stem, table.vehicle, vehicle, track, Sum(tuple(parts)), run, scheme, instruments, sampling_interval,
@@ -278,7 +278,7 @@ def _instruments(table: ScenarioTable, beside: Path) -> tuple[Instrument, ...]:
         raise ModelError("give either sensors, a preset or a TOML, or tables [[sensor]]")
     if table.sensors is None:
         return tuple(one.complete(table.source) for one in table.sensor)
-    return read_instruments(placed(table.sensors, beside))
+    return read_instruments(preset_or_path(table.sensors, beside))
 
 
 def _check_bodies(vehicle: Vehicle, instruments: tuple[Instrument, ...]) -> None:

@@ -71,7 +71,9 @@ def unit_factor(unit: str, dimension: str) -> float:
     for name, factor in accepted.items():
         if _plain(name) == _plain(unit):
             return factor
-    raise UnitError(f"Unit {unit!r} is not a unit of {dimension}; use one of {', '.join(accepted)}.")
+    raise UnitError(
+        f"Unit {unit!r} is not a unit of {dimension}; use one of {', '.join(accepted)}."
+    )
 
 
 def si_unit(dimension: str) -> str:

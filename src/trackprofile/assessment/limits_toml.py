@@ -35,7 +35,7 @@ from pydantic import Field
 from trackprofile.assessment import limits as kinds
 from trackprofile.assessment.limits import Action, Limits
 from trackprofile.errors import FileError
-from trackprofile.io.table import located
+from trackprofile.io.table import error_location
 from trackprofile.io.toml_document import Strict, load
 from trackprofile.units import quantity
 
@@ -138,7 +138,7 @@ def read_limits(name_or_path: str | Path) -> Limits:
     """
     path = _find(name_or_path)
     read = load(path, _Limits)
-    with located(path):
+    with error_location(path):
         if not read.defect and not read.quality_class:
             raise FileError(f"{path}: it holds no limits; add a table 'defect' or 'quality_class'.")
         return Limits(

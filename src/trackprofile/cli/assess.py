@@ -71,13 +71,18 @@ def assess(
     """Judge a profile by limits: defects with their probability, standard deviations, classes."""
     from trackprofile.assessment.tables import geojson_per_rail, tables, tables_per_rail
     from trackprofile.contracts import select_stretch
-    from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
+    from trackprofile.io.result_tables import (
+        GEOJSON_SUFFIX,
+        table_files,
+        write_geojson,
+        write_tables,
+    )
     from trackprofile.reporting.summary import headline
 
     along = way_of(way)
     wanted = output or []
     for path in wanted:
-        if path.suffix.lower() != MAP:
+        if path.suffix.lower() != GEOJSON_SUFFIX:
             table_files(path, TABLES)
         elif not along.has_coordinates:
             raise DataError(
@@ -90,7 +95,7 @@ def assess(
     made = tables_per_rail(each, along) if apart else tables(found, along)
     files: list[Path] = []
     for path in wanted:
-        if path.suffix.lower() == MAP:
+        if path.suffix.lower() == GEOJSON_SUFFIX:
             files.append(write_geojson(geojson_per_rail(each, along), path))
         else:
             files += write_tables(made, path)

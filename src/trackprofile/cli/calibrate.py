@@ -42,9 +42,9 @@ def calibrate(
     """Fit a vehicle to recordings, with or without a reference for the profile under them."""
     from trackprofile.calibration.calibrate import calibrate as fit
     from trackprofile.contracts import select_stretch
-    from trackprofile.io.atomic import check_places, whole_files
+    from trackprofile.io.atomic import check_writable, whole_files
     from trackprofile.io.model_toml import (
-        check_vehicle_place,
+        check_vehicle_path,
         read_spectrum,
         read_track,
         read_vehicle,
@@ -56,10 +56,10 @@ def calibrate(
         write_png,
     )
 
-    check_vehicle_place(output)
+    check_vehicle_path(output)
     if picture is not None:
         check_png_library()
-        check_places(picture)
+        check_writable(picture)
     measured = [select_stretch(read_as(path, "recording"), from_m, to_m) for path in recordings]
     known = (
         None if reference is None else select_stretch(read_as(reference, "profile"), from_m, to_m)

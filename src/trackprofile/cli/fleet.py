@@ -90,12 +90,12 @@ def fleet(
 def _check_files(files: list[Path]) -> None:
     """See that the results can be written, before a night of work."""
     from trackprofile.fleet.batch_tables import TABLES
-    from trackprofile.io.atomic import check_places
+    from trackprofile.io.atomic import check_writable
     from trackprofile.io.result_tables import table_files
 
     for path in files:
         if path.suffix.lower() == PAGE:
-            check_places(path)
+            check_writable(path)
         else:
             table_files(path, TABLES)
 

@@ -11,7 +11,7 @@ from trackprofile.cli import show
 from trackprofile.cli.options import Json
 
 if TYPE_CHECKING:
-    from trackprofile.io.inspection import Content, Inspection
+    from trackprofile.io.inspection import ColumnContent, Inspection
 
 
 def inspect(
@@ -46,7 +46,7 @@ def inspect(
     )
 
 
-def _row(content: Content) -> tuple[str, ...]:
+def _row(content: ColumnContent) -> tuple[str, ...]:
     numbers = (content.least, content.mean, content.greatest)
     return (
         content.heading.name,

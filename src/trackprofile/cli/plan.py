@@ -50,7 +50,7 @@ def plan(
     from trackprofile.fleet.capacity import Network, need
     from trackprofile.fleet.capacity_html import Plan, html, markdown, tables, title
     from trackprofile.fleet.cost_measurement import Sample, cost, stored_per_metre
-    from trackprofile.io.atomic import check_places, whole_files
+    from trackprofile.io.atomic import check_writable, whole_files
     from trackprofile.machine import machine
     from trackprofile.store import open_store
     from trackprofile.units import quantity
@@ -58,7 +58,7 @@ def plan(
     if output is not None:
         if output.suffix.lower() not in SUFFIXES:
             raise FileError(f"{output}: a plan goes to a file that ends in {', '.join(SUFFIXES)}.")
-        check_places(output)
+        check_writable(output)
     train = quantity(speed, "speed")
     network = Network(
         1e3 * km, passes_per_day, 1e3 * recording_km, train, hours, utilisation, copies, raw_days

@@ -40,13 +40,13 @@ def show_vehicle(
     as_json: Json = False,
 ) -> None:
     """Show a vehicle's parameters with their priors and sources, and its modes on a rigid track."""
-    from trackprofile.io.model_toml import check_vehicle_place, read_vehicle, write_vehicle
+    from trackprofile.io.model_toml import check_vehicle_path, read_vehicle, write_vehicle
     from trackprofile.models.modal import modes, roll_modes
     from trackprofile.models.vehicle import parameter_values
 
     car, installation = read_vehicle(vehicle)
     if output is not None:
-        check_vehicle_place(output)
+        check_vehicle_path(output)
         write_vehicle(car, installation, output)
     values, swings = parameter_values(car), [*modes(car), *roll_modes(car)]
     if as_json:

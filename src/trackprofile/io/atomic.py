@@ -32,7 +32,7 @@ def whole_files(*paths: str | Path) -> Iterator[tuple[Path, ...]]:
     ['profile.csv']
     """
     targets = tuple(Path(path) for path in paths)
-    check_places(*targets)
+    check_writable(*targets)
     token = secrets.token_hex(4)
     parts = tuple(path.with_name(f".{path.stem}.{token}{path.suffix}") for path in targets)
     try:
@@ -47,7 +47,7 @@ def whole_files(*paths: str | Path) -> Iterator[tuple[Path, ...]]:
             part.unlink(missing_ok=True)
 
 
-def check_places(*paths: str | Path) -> None:
+def check_writable(*paths: str | Path) -> None:
     """See that files can have these names: worth asking before long work.
 
     Raises

@@ -49,16 +49,16 @@ DIMENSIONS: Mapping[Role, str] = {
     Role.ROLL: "angular rate",
 }
 
-SENSORS = (Role.VERTICAL, Role.PITCH, Role.ROLL)
+SENSOR_ROLES = (Role.VERTICAL, Role.PITCH, Role.ROLL)
 """What a recording's channels measure."""
 
 _ACCELERATION = r"acc|beschl|\ba_?[xyz]\b|加速度"
-_ACROSS = "lat|quer|long|längs"
+_NOT_VERTICAL = "lat|quer|long|längs"
 _RATE = r"gyr|rate|omega|winkelgeschw|dreh(rate|geschw)|角速度"
 _SATELLITE = "gps|gnss|doppler|衛星"
 _SPEED = r"speed|veloc|geschw|tacho|\bv\b|速度"
 _NAMES: tuple[tuple[Role, str], ...] = (
-    (Role.ACCELERATION, rf"({_ACCELERATION}).*({_ACROSS}|[_ ]?[xy]\b)|({_ACROSS}).*({_ACCELERATION})"),
+    (Role.ACCELERATION, rf"({_ACCELERATION}).*({_NOT_VERTICAL}|[_ ]?[xy]\b)|({_NOT_VERTICAL}).*({_ACCELERATION})"),
     (Role.VERTICAL, _ACCELERATION),
     (Role.PITCH, r"pitch|nick|ピッチ"),
     (Role.RATE, rf"({_RATE}).*(yaw|gier|[_ ]?z\b)|(yaw|gier)"),
@@ -83,26 +83,26 @@ _BODIES = (
 
 _LEFT, _RIGHT = r"\b(left|links?|l|li|lh)\b|左", r"\b(right|rechts?|r|re|rh)\b|右"
 
-TO_ONE_SIDE = 1.0
+SIDE_OFFSET = 1.0
 """m from the middle, at which a sensor probably is of which only the side is said."""
 
-_DEGREES = {Role.LATITUDE: 90.0, Role.LONGITUDE: 180.0}
+_MAX_DEGREES = {Role.LATITUDE: 90.0, Role.LONGITUDE: 180.0}
 
-PLACED = 0.5
+MIN_MISSING_SHARE_OF_POSTS = 0.5
 """Share of missing values from which kilometres are posts passed, and no distance."""
 
-STEADY = 0.99
+MIN_MONOTONIC_SHARE = 0.99
 """Share of steps in one direction that make a distance."""
 
-_FASTEST = 60.0
+_MAX_SPEED = 60.0
 """m/s: what is above is in km/h."""
 
-_LONGEST = 3000.0
+_MAX_KILOMETRE = 3000.0
 """km: posts below say kilometres."""
 
 
 @dataclass(frozen=True)
-class Guess:
+class ColumnGuess:
     """Role, unit, and the body that carries it, how far to the left of its middle; ``sure`` where the file says the
     unit itself."""
 
@@ -113,7 +113,7 @@ class Guess:
     lateral: float = 0.0
 
 
-def guess(heading: ColumnInfo, values: Array) -> Guess:
+def guess(heading: ColumnInfo, values: Array) -> ColumnGuess:
     """What a column, with its values (n,), probably is.
 
     Examples
@@ -125,53 +125,55 @@ def guess(heading: ColumnInfo, values: Array) -> Guess:
     """
     if heading.form:
         role = Role.OTHER if heading.form == "text" else Role.TIME
-        return Guess(role, heading.form if role is Role.TIME else "", sure=role is Role.TIME)
-    unit = heading.unit or _unit_in(heading.name)
-    role = _by_name(heading.name)
+        return ColumnGuess(role, heading.form if role is Role.TIME else "", sure=role is Role.TIME)
+    unit = heading.unit or _unit_in_name(heading.name)
+    role = _role_by_name(heading.name)
     if role is Role.OTHER:
-        role = _by_unit(unit)
-        if role is Role.DISTANCE and not _goes_on(values):
+        role = _role_by_unit(unit)
+        if role is Role.DISTANCE and not _is_monotonic(values):
             role = Role.OTHER  # a height, or some other length
-    role = _by_what_it_holds(role, values)
+    role = _role_by_values(role, values)
     if role is Role.PULSES:
-        return Guess(role, "pulses", sure=True)
+        return ColumnGuess(role, "pulses", sure=True)
     dimension = DIMENSIONS.get(role)
     if dimension is None:
-        return Guess(role, unit)
-    sure = _is_of(unit, dimension)
-    body = _body(heading.name) if role in SENSORS else ""
-    lateral = _lateral(heading.name) if role is Role.VERTICAL else 0.0
-    return Guess(role, unit if sure else _by_values(role, values), body, sure, lateral)
+        return ColumnGuess(role, unit)
+    sure = _is_unit_of(unit, dimension)
+    body = _body_in_name(heading.name) if role in SENSOR_ROLES else ""
+    lateral = _lateral_in_name(heading.name) if role is Role.VERTICAL else 0.0
+    return ColumnGuess(role, unit if sure else _unit_by_values(role, values), body, sure, lateral)
 
 
-def _by_what_it_holds(role: Role, values: Array) -> Role:
+def _role_by_values(role: Role, values: Array) -> Role:
     """The role, or another where the values cannot be of it."""
     known = values[np.isfinite(values)]
-    if role in _DEGREES and known.size and np.max(np.abs(known)) > _DEGREES[role]:
+    if role in _MAX_DEGREES and known.size and np.max(np.abs(known)) > _MAX_DEGREES[role]:
         return Role.OTHER
-    if role is Role.DISTANCE and 0 < known.size < (1.0 - PLACED) * values.size:
+    if role is Role.DISTANCE and 0 < known.size < (1.0 - MIN_MISSING_SHARE_OF_POSTS) * values.size:
         return Role.POST
     return role
 
 
-def _goes_on(values: Array) -> bool:
+def _is_monotonic(values: Array) -> bool:
     """Whether values rise, or fall, as a distance does."""
     steps = np.diff(values[np.isfinite(values)])
-    return steps.size > 0 and bool(max(np.mean(steps >= 0), np.mean(steps <= 0)) > STEADY)
+    return steps.size > 0 and bool(
+        max(np.mean(steps >= 0), np.mean(steps <= 0)) > MIN_MONOTONIC_SHARE
+    )
 
 
-def _by_name(name: str) -> Role:
+def _role_by_name(name: str) -> Role:
     plain = re.sub(r"[_./]+", " ", name.lower())
     return next((role for role, words in _NAMES if re.search(words, plain)), Role.OTHER)
 
 
-def _by_unit(unit: str) -> Role:
+def _role_by_unit(unit: str) -> Role:
     return next(
-        (role for role, dimension in DIMENSIONS.items() if _is_of(unit, dimension)), Role.OTHER
+        (role for role, dimension in DIMENSIONS.items() if _is_unit_of(unit, dimension)), Role.OTHER
     )
 
 
-def _is_of(unit: str, dimension: str) -> bool:
+def _is_unit_of(unit: str, dimension: str) -> bool:
     try:
         unit_factor(unit, dimension)
     except UnitError:
@@ -179,7 +181,7 @@ def _is_of(unit: str, dimension: str) -> bool:
     return bool(unit)
 
 
-def _unit_in(name: str) -> str:
+def _unit_in_name(name: str) -> str:
     """A unit at the end of a name, such as in ``distance_m`` or ``speed_km_h``."""
     plain = name.lower().replace("_per_", "/").replace("deg", "°")
     found = [""]
@@ -190,30 +192,30 @@ def _unit_in(name: str) -> str:
     return max(found, key=len)
 
 
-def _by_values(role: Role, values: Array) -> str:
+def _unit_by_values(role: Role, values: Array) -> str:
     """The unit in which such values are likely; SI where that tells nothing."""
     known = values[np.isfinite(values)]
     if known.size:
         if role is Role.VERTICAL and abs(abs(np.median(known)) - 1.0) < 0.1:
             return "g"
-        if role in {Role.SPEED, Role.GNSS_SPEED} and np.max(np.abs(known)) > _FASTEST:
+        if role in {Role.SPEED, Role.GNSS_SPEED} and np.max(np.abs(known)) > _MAX_SPEED:
             return "km/h"
         if role is Role.VERTICAL and abs(abs(np.median(known)) - 1000.0) < 100.0:
             return "mg"
-        if role in _DEGREES:
+        if role in _MAX_DEGREES:
             return "°"
-        if role is Role.POST and np.max(np.abs(known)) < _LONGEST:
+        if role is Role.POST and np.max(np.abs(known)) < _MAX_KILOMETRE:
             return "km"
     return next(iter(FACTORS[DIMENSIONS[role]]))
 
 
-def _body(name: str) -> str:
+def _body_in_name(name: str) -> str:
     plain = name.lower()
     return next((body for words, body in _BODIES if re.search(words, plain)), "body")
 
 
-def _lateral(name: str) -> float:
+def _lateral_in_name(name: str) -> float:
     """m to the left; 0 where a name says neither side, or both."""
     plain = re.sub(r"[_./]+", " ", name.lower())
     left, right = (bool(re.search(words, plain)) for words in (_LEFT, _RIGHT))
-    return TO_ONE_SIDE * (left - right)
+    return SIDE_OFFSET * (left - right)

@@ -14,10 +14,10 @@ from trackprofile.errors import DataError, FileError
 
 Column = NDArray[Any]
 
-MOST_BYTES = 1 << 28
-"""That a file may claim to hold whatever its size; beyond, no more than ``MOST_PACKED`` times its size."""
+UNCHECKED_SIZE = 1 << 28
+"""That a file may claim to hold whatever its size; beyond, no more than ``MAX_COMPRESSION`` times its size."""
 
-MOST_PACKED = 1000
+MAX_COMPRESSION = 1000
 """What compression makes of a channel that hardly changes."""
 
 
@@ -31,7 +31,7 @@ class ColumnInfo:
     unit : as the file states it, "" where it does not
     rows : values it has; 0 where that is known only by reading
     clock : the name of the column with the times of its values; "" where the file does not say
-    form : of a text: one of `trackprofile.io.timestamps.FORMS` or "text"; "" is a number
+    form : of a text: one of `trackprofile.io.timestamps.TIMESTAMP_FORMS` or "text"; "" is a number
     """
 
     name: str
@@ -41,13 +41,15 @@ class ColumnInfo:
     form: str = ""
 
 
-def unique(headings: Sequence[ColumnInfo], groups: Sequence[str]) -> tuple[ColumnInfo, ...]:
+def with_unique_names(
+    headings: Sequence[ColumnInfo], groups: Sequence[str]
+) -> tuple[ColumnInfo, ...]:
     """Headings with the group before each name that another group has too.
 
     Examples
     --------
     >>> two = (ColumnInfo("a", clock="t"), ColumnInfo("t"), ColumnInfo("a", clock="t"), ColumnInfo("t"))
-    >>> [(one.name, one.clock) for one in unique(two, ("1", "1", "2", "2"))]
+    >>> [(one.name, one.clock) for one in with_unique_names(two, ("1", "1", "2", "2"))]
     [('1/a', '1/t'), ('1/t', ''), ('2/a', '2/t'), ('2/t', '')]
     """
     names = [one.name for one in headings]
@@ -68,14 +70,14 @@ def check_size(path: Path, claimed: float) -> None:
     ------
     FileError : a damaged length would make a small file fill the memory.
     """
-    if claimed > max(MOST_BYTES, MOST_PACKED * path.stat().st_size):
+    if claimed > max(UNCHECKED_SIZE, MAX_COMPRESSION * path.stat().st_size):
         raise FileError(
             f"{path}: it claims to hold {claimed / 1e9:.3g} GB, more than can be packed into its "
             f"{path.stat().st_size / 1e6:.3g} MB: damaged; copy it again."
         )
 
 
-def as_numbers(path: Path, name: str, values: Any) -> Column:
+def to_numbers(path: Path, name: str, values: Any) -> Column:
     """A column as float64.
 
     Raises

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from trackprofile.errors import FileError
 
-BEGINNING = 1 << 16
+HEADER_SIZE = 1 << 16
 """Bytes that tell how a file is written."""
 
 SEPARATORS = (",", ";", "\t", "|", " ")
@@ -47,7 +47,7 @@ _NUMBER = {
 _TIMESTAMP = re.compile(
     r"(\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[ T]*)?(\d{1,2}:\d{2}(:\d{2}([.,]\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?"
 )
-_TRUTH = re.compile(r"true|false", re.IGNORECASE)
+_BOOLEAN = re.compile(r"true|false", re.IGNORECASE)
 _UNIT = re.compile(r"(.*\S)\s*[\[(]([^\])]*)[\])]")
 
 
@@ -83,18 +83,18 @@ def find_dialect(path: Path) -> Dialect:
     FileError : nothing in it looks like a table.
     """
     with path.open("rb") as file:
-        beginning = file.read(BEGINNING)
+        beginning = file.read(HEADER_SIZE)
     encoding = _encoding(beginning)
     text = codecs.getincrementaldecoder(encoding)("replace").decode(beginning)
     if not text.strip():
         raise FileError(f"{path}: the file is empty; copy or export it again.")
     if "\0" in text:
-        raise no_table(path)
+        raise unreadable_table(path)
     lines = text.splitlines()
-    if len(beginning) == BEGINNING:
+    if len(beginning) == HEADER_SIZE:
         lines = lines[:-1]  # cut short by the reading
     if max(map(len, lines), default=0) > csv.field_size_limit():
-        raise no_table(path)
+        raise unreadable_table(path)
     guesses = [
         (_score(rows, decimal), -number, rows, separator, decimal)
         for number, separator in enumerate(SEPARATORS)
@@ -106,7 +106,7 @@ def find_dialect(path: Path) -> Dialect:
     header, first = _header(rows, decimal)
     names, units = _names(rows, header, first)
     if not all(name.isprintable() for name in names):
-        raise no_table(path)
+        raise unreadable_table(path)
     values = tuple(
         next((row[i] for row in rows[first:] if i < len(row) and row[i].strip() not in MISSING), "")
         for i in range(len(names))
@@ -123,10 +123,10 @@ def is_number(cell: str, decimal: str) -> bool:
     (True, False)
     """
     kind = _kind(cell, decimal)
-    return kind in {"number", "empty"} or _TRUTH.fullmatch(cell.strip()) is not None
+    return kind in {"number", "empty"} or _BOOLEAN.fullmatch(cell.strip()) is not None
 
 
-def no_table(path: Path) -> FileError:
+def unreadable_table(path: Path) -> FileError:
     """What is said of a file that is none."""
     return FileError(f"{path}: not a readable CSV table; copy or export it again.")
 
@@ -161,7 +161,7 @@ def _kind(cell: str, decimal: str) -> str:
         return "empty"
     if _NUMBER[decimal].fullmatch(cell):
         return "number"
-    return "other" if _TIMESTAMP.fullmatch(cell) or _TRUTH.fullmatch(cell) else "word"
+    return "other" if _TIMESTAMP.fullmatch(cell) or _BOOLEAN.fullmatch(cell) else "word"
 
 
 def _score(rows: list[list[str]], decimal: str) -> tuple[float, int]:

@@ -12,8 +12,8 @@ import pyarrow.csv as arrow_csv
 
 from trackprofile.errors import DataError, RowError
 from trackprofile.io.column_info import Column, ColumnInfo
-from trackprofile.io.csv_dialect import MISSING, Dialect, find_dialect, is_number, no_table
-from trackprofile.io.timestamps import form_of
+from trackprofile.io.csv_dialect import MISSING, Dialect, find_dialect, is_number, unreadable_table
+from trackprofile.io.timestamps import timestamp_form
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 
@@ -22,7 +22,9 @@ def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The columns of a table."""
     dialect = _dialect(path)
     return tuple(
-        ColumnInfo(name, unit, form="" if is_number(first, dialect.decimal) else form_of(first))
+        ColumnInfo(
+            name, unit, form="" if is_number(first, dialect.decimal) else timestamp_form(first)
+        )
         for name, unit, first in zip(dialect.names, dialect.units, dialect.first, strict=True)
     )
 
@@ -74,7 +76,7 @@ def read(path: Path, schema: pa.Schema) -> pa.Table:
             raise RowError(str(path), number, problem) from error
         raise _unreadable(path, dialect, str(error)) from error
     except UnicodeError as error:
-        raise no_table(path) from error
+        raise unreadable_table(path) from error
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -89,7 +91,7 @@ def _dialect(path: Path) -> Dialect:
     try:
         return find_dialect(path)
     except csv.Error as error:
-        raise no_table(path) from error
+        raise unreadable_table(path) from error
 
 
 def _unreadable(path: Path, dialect: Dialect, message: str) -> DataError:

@@ -10,18 +10,18 @@ import h5py
 import numpy as np
 
 from trackprofile.errors import FileError
-from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size
-from trackprofile.io.subprocess_reader import columns_apart, headings_apart
+from trackprofile.io.column_info import Column, ColumnInfo, check_size, to_numbers
+from trackprofile.io.subprocess_reader import columns_in_subprocess, headings_in_subprocess
 
 SUFFIXES = (".h5", ".hdf5", ".hdf", ".nc")
 
 _UNITS = ("units", "unit", "Units", "Unit")
-_DEEPEST = 8
+_MAX_DEPTH = 8
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The rows of numbers in a file, by their path in it; groups and matrices are passed over."""
-    return headings_apart(path, __name__)
+    return headings_in_subprocess(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
@@ -31,7 +31,7 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     ------
     FileError : the file is damaged, or claims to hold more than it can.
     """
-    return columns_apart(path, __name__, names)
+    return columns_in_subprocess(path, __name__, names)
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -43,25 +43,25 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
                 file[name].attrs["units"] = units[name]
 
 
-def headings_here(path: Path) -> tuple[ColumnInfo, ...]:
+def headings_in_process(path: Path) -> tuple[ColumnInfo, ...]:
     """The same in this process."""
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         return tuple(
             ColumnInfo(name, _unit(one), int(one.size or 0), _clock(file, one))
             for name, one in _rows(file)
         )
 
 
-def read_here(path: Path, names: Sequence[str]) -> dict[str, Column]:
+def read_in_process(path: Path, names: Sequence[str]) -> dict[str, Column]:
     """The same in this process."""
-    with opened(path) as file:
+    with open_hdf5(path) as file:
         rows = {name: one for name, one in _rows(file) if name in names}
         check_size(path, 8.0 * sum(int(one.size or 0) for one in rows.values()))
-        return {name: as_numbers(path, name, np.ravel(one[()])) for name, one in rows.items()}
+        return {name: to_numbers(path, name, np.ravel(one[()])) for name, one in rows.items()}
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[h5py.File]:
+def open_hdf5(path: Path) -> Iterator[h5py.File]:
     """The file, with the library's errors as ours."""
     try:
         with h5py.File(path) as file:
@@ -81,7 +81,7 @@ def _rows(group: h5py.Group, above: str = "", depth: int = 0) -> Iterator[tuple[
         item = group[key]
         if isinstance(item, h5py.Group):
             # MATLAB keeps the insides of cells in groups that begin so.
-            if depth < _DEEPEST and not str(key).startswith("#"):
+            if depth < _MAX_DEPTH and not str(key).startswith("#"):
                 yield from _rows(item, f"{name}/", depth + 1)
         elif isinstance(item, h5py.Dataset) and _is_row(item):
             yield name, item

@@ -15,12 +15,12 @@ from trackprofile.contracts.validation import provenance_steps
 from trackprofile.errors import FileError, TrackprofileError
 from trackprofile.io import toml_document
 from trackprofile.io.atomic import whole_files
-from trackprofile.io.column_guess import SENSORS, STEADY, Guess, Role, guess
+from trackprofile.io.column_guess import MIN_MONOTONIC_SHARE, SENSOR_ROLES, ColumnGuess, Role, guess
 from trackprofile.io.column_info import ColumnInfo
 from trackprofile.io.recording_assembly import assemble_recording
 from trackprofile.io.recording_document import RecordingDocument
 from trackprofile.io.table import headings, read_columns
-from trackprofile.io.timestamps import seconds
+from trackprofile.io.timestamps import timestamp_seconds
 from trackprofile.io.unlocated_recording import UnlocatedRecording
 from trackprofile.preprocessing.faults import Fault, find_faults
 from trackprofile.units import unit_factor
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Content:
+class ColumnContent:
     """A column: what the file says of it, what it probably is, and its values in a few numbers.
 
     ``rate`` is its sampling rate by its clock or the file's, Hz, 0 where there is none; ``least``, ``mean`` and
@@ -37,7 +37,7 @@ class Content:
     """
 
     heading: ColumnInfo
-    guess: Guess
+    guess: ColumnGuess
     rows: int
     missing: int
     least: float
@@ -52,7 +52,7 @@ class Inspection:
     """A logger's file: its columns, the TOML that would explain it, and what a recording read by that would be."""
 
     path: Path
-    contents: tuple[Content, ...]
+    contents: tuple[ColumnContent, ...]
     toml: str
     recording: xr.Dataset | None
     faults: tuple[Fault, ...]
@@ -76,10 +76,10 @@ def inspect(path: str | Path, locate: Callable[[UnlocatedRecording], xr.Dataset]
     if not any(np.isfinite(one).any() for one in values.values()):
         raise FileError(f"{path}: there is no row of numbers in it; export the channels as such.")
     clock = next((h.name for h in found if guess(h, values[h.name]).role is Role.TIME), "")
-    contents = tuple(_content(path, one, values, clock) for one in found)
-    contents = _speeds_checked(contents, values)
-    text = _toml(path, contents)
-    recording, faults, notes = _tried(path, text, locate)
+    contents = tuple(_column_content(path, one, values, clock) for one in found)
+    contents = _with_checked_speed_unit(contents, values)
+    text = _description(path, contents)
+    recording, faults, notes = _try_reading(path, text, locate)
     return Inspection(path, contents, text, recording, faults, notes)
 
 
@@ -94,7 +94,9 @@ def write_toml(inspection: Inspection, path: str | Path) -> Path:
     if path.exists():
         raise FileError(f"{path}: it is there already; choose another name, or remove it first.")
     with whole_files(path) as (file,):
-        file.write_text(_toml(inspection.path, inspection.contents, path.parent), encoding="utf-8")
+        file.write_text(
+            _description(inspection.path, inspection.contents, path.parent), encoding="utf-8"
+        )
     return path
 
 
@@ -106,11 +108,15 @@ def _values(path: Path, found: Sequence[ColumnInfo]) -> dict[str, Array]:
     stamps = {one.name: one.form for one in once if one.form not in {"", "text"}}
     read_ = read_columns(path, numbers, texts=list(stamps))
     values = {name: np.asarray(read_[name], np.float64) for name in numbers}
-    values |= {name: seconds(path, name, read_[name], form) for name, form in stamps.items()}
+    values |= {
+        name: timestamp_seconds(path, name, read_[name], form) for name, form in stamps.items()
+    }
     return {one.name: values.get(one.name, np.empty(0)) for one in found}
 
 
-def _content(path: Path, heading: ColumnInfo, values: Mapping[str, Array], clock: str) -> Content:
+def _column_content(
+    path: Path, heading: ColumnInfo, values: Mapping[str, Array], clock: str
+) -> ColumnContent:
     own, by = values[heading.name], heading.clock or clock
     known = own[np.isfinite(own)]
     least, mean, greatest = np.nan, np.nan, np.nan
@@ -118,8 +124,10 @@ def _content(path: Path, heading: ColumnInfo, values: Mapping[str, Array], clock
         least, mean, greatest = (float(f(known)) for f in (np.min, np.mean, np.max))
     rate = _rate(values[by]) if by in values and len(values[by]) == len(own) else 0.0
     missing = len(own) - len(known)
-    falls = bool(np.mean(np.diff(known) < 0) > 1.0 - STEADY) if known.size > 1 else False
-    return Content(
+    falls = (
+        bool(np.mean(np.diff(known) < 0) > 1.0 - MIN_MONOTONIC_SHARE) if known.size > 1 else False
+    )
+    return ColumnContent(
         heading, guess(heading, own), len(own), missing, least, mean, greatest, rate, falls
     )
 
@@ -130,9 +138,9 @@ def _rate(time: Array) -> float:
     return float(1.0 / np.median(steps)) if steps.size else 0.0
 
 
-def _speeds_checked(
-    contents: Sequence[Content], values: Mapping[str, Array]
-) -> tuple[Content, ...]:
+def _with_checked_speed_unit(
+    contents: Sequence[ColumnContent], values: Mapping[str, Array]
+) -> tuple[ColumnContent, ...]:
     """The speed's unit where the file does not say it, by distance over time."""
     first = {role: next((c for c in contents if c.guess.role is role), None) for role in Role}
     time, distance, speed = first[Role.TIME], first[Role.DISTANCE], first[Role.SPEED]
@@ -149,7 +157,7 @@ def _speeds_checked(
     return tuple(checked if one is speed else one for one in contents)
 
 
-def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -> str:
+def _description(path: Path, contents: Sequence[ColumnContent], folder: Path | None = None) -> str:
     """What explains the file, with a remark on everything that is guessed."""
     data = path.name if folder is None else os.path.relpath(path, folder)
     lines = [
@@ -158,7 +166,7 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
         f"data = {toml_document.toml_value(data)}",
     ]
     clocks = {one.heading.clock for one in contents} - {""}
-    satellites = _by_satellite(contents)
+    satellites = _gnss_lines(contents)
     speeds = [one for one in contents if one.guess.role is Role.SPEED]
     if not satellites:
         speeds += [one for one in contents if one.guess.role is Role.GNSS_SPEED]
@@ -170,30 +178,30 @@ def _toml(path: Path, contents: Sequence[Content], folder: Path | None = None) -
         if role is Role.TIME and clocks:
             continue  # each channel has the file's own
         for number, one in enumerate(those):
-            line = f"{key} = {_quantity(one)}"
-            lines.append(("# or: " if number else "") + line + _mark(one))
+            line = f"{key} = {_column_reference(one)}"
+            lines.append(("# or: " if number else "") + line + _guess_comment(one))
     lines.append('# vehicle = "velaro"  # a preset, or the TOML of a vehicle beside this file')
-    lines += [*satellites, *_by_wheel_and_posts(contents)]
-    sensors = [one for one in contents if one.guess.role in SENSORS]
+    lines += [*satellites, *_odometer_and_post_lines(contents)]
+    sensors = [one for one in contents if one.guess.role in SENSOR_ROLES]
     for one in sensors:
         lines += [
             "",
             "[[sensor]]",
             f"column = {toml_document.toml_value(one.heading.name)}",
-            f"unit = {toml_document.toml_value(one.guess.unit)}{_mark(one)}",
+            f"unit = {toml_document.toml_value(one.guess.unit)}{_guess_comment(one)}",
             f"quantity = {toml_document.toml_value(str(one.guess.role))}",
             f"body = {toml_document.toml_value(one.guess.body)}  # guessed",
             "position = 0.0  # guessed: m ahead of that body's centre",
         ]
         if one.guess.lateral:
             lines.append(f"lateral = {one.guess.lateral}  # guessed: m to the left of its middle")
-    rest = [one.heading.name for one in contents if one.guess.role not in _USED]
+    rest = [one.heading.name for one in contents if one.guess.role not in _USED_ROLES]
     if rest:
         lines += ["", "# Not used: " + ", ".join(map(toml_document.toml_value, rest))]
     return "\n".join(lines) + "\n"
 
 
-def _by_satellite(contents: Sequence[Content]) -> list[str]:
+def _gnss_lines(contents: Sequence[ColumnContent]) -> list[str]:
     """The table of satellite positions, where there are both coordinates."""
     roles = (Role.LATITUDE, Role.LONGITUDE, Role.GNSS_SPEED)
     first = {role: next((c for c in contents if c.guess.role is role), None) for role in roles}
@@ -202,7 +210,7 @@ def _by_satellite(contents: Sequence[Content]) -> list[str]:
     lines = ["", "[recording.gnss]"]
     for role, key in zip(roles, ("latitude", "longitude", "speed"), strict=True):
         if (one := first[role]) is not None:
-            lines.append(f"{key} = {_quantity(one)}{_mark(one)}")
+            lines.append(f"{key} = {_column_reference(one)}{_guess_comment(one)}")
     return [
         *lines,
         '# valid = "fix"  # a column of 1 and 0',
@@ -210,7 +218,7 @@ def _by_satellite(contents: Sequence[Content]) -> list[str]:
     ]
 
 
-def _by_wheel_and_posts(contents: Sequence[Content]) -> list[str]:
+def _odometer_and_post_lines(contents: Sequence[ColumnContent]) -> list[str]:
     """The tables of an odometer's pulses and of kilometre posts."""
     lines = []
     pulses = next((one for one in contents if one.guess.role is Role.PULSES), None)
@@ -230,16 +238,16 @@ def _by_wheel_and_posts(contents: Sequence[Content]) -> list[str]:
             "",
             "[recording.posts]",
             f"column = {toml_document.toml_value(post.heading.name)}",
-            f"unit = {toml_document.toml_value(post.guess.unit)}{_mark(post)}",
+            f"unit = {toml_document.toml_value(post.guess.unit)}{_guess_comment(post)}",
         ]
     return lines
 
 
-def _quantity(content: Content) -> str:
+def _column_reference(content: ColumnContent) -> str:
     return toml_document.toml_value({"column": content.heading.name, "unit": content.guess.unit})
 
 
-_USED = {
+_USED_ROLES = {
     Role.TIME,
     Role.DISTANCE,
     Role.SPEED,
@@ -248,15 +256,15 @@ _USED = {
     Role.GNSS_SPEED,
     Role.PULSES,
     Role.POST,
-    *SENSORS,
+    *SENSOR_ROLES,
 }
 
 
-def _mark(content: Content) -> str:
+def _guess_comment(content: ColumnContent) -> str:
     return "" if content.guess.sure else "  # guessed"
 
 
-def _tried(
+def _try_reading(
     path: Path, text: str, locate: Callable[[UnlocatedRecording], xr.Dataset]
 ) -> tuple[xr.Dataset | None, tuple[Fault, ...], tuple[str, ...]]:
     """The recording that the TOML makes of the file, or the sentence with which it does not."""

@@ -16,8 +16,8 @@ from scipy.io.matlab import MatReadError
 
 from trackprofile.errors import DataError, FileError
 from trackprofile.io import hdf5_table
-from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size
-from trackprofile.io.subprocess_reader import columns_apart, headings_apart
+from trackprofile.io.column_info import Column, ColumnInfo, check_size, to_numbers
+from trackprofile.io.subprocess_reader import columns_in_subprocess, headings_in_subprocess
 
 SUFFIXES = (".mat",)
 
@@ -28,19 +28,19 @@ _NUMERIC = {
     "logical",
     *(f"{u}int{b}" for u in ("", "u") for b in (8, 16, 32, 64)),
 }
-_DAMAGED = (
+_READ_ERRORS = (
     MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, NotImplementedError, MemoryError,
     OverflowError, AttributeError, struct.error, zlib.error, OSError,
 )  # fmt: skip
 """What SciPy raises for files that it cannot read."""
 
-LONGEST_NAME = 31
+MAX_NAME_LENGTH = 31
 """Characters of a variable's name in version 5."""
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The rows of numbers in a file; structures and cells are passed over."""
-    return headings_apart(path, __name__)
+    return headings_in_subprocess(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
@@ -50,17 +50,17 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     ------
     FileError : the file is damaged, or claims to hold more than it can.
     """
-    return columns_apart(path, __name__, names)
+    return columns_in_subprocess(path, __name__, names)
 
 
-def headings_here(path: Path) -> tuple[ColumnInfo, ...]:
+def headings_in_process(path: Path) -> tuple[ColumnInfo, ...]:
     """The same in this process."""
     if _is_hdf5(path):
-        return hdf5_table.headings_here(path)
+        return hdf5_table.headings_in_process(path)
     try:
         found = whosmat(path)
-    except _DAMAGED as error:
-        raise _no_table(path) from error
+    except _READ_ERRORS as error:
+        raise _unreadable_table(path) from error
     return tuple(
         ColumnInfo(name, rows=int(np.prod(shape, dtype=float)))
         for name, shape, kind in found
@@ -68,17 +68,17 @@ def headings_here(path: Path) -> tuple[ColumnInfo, ...]:
     )
 
 
-def read_here(path: Path, names: Sequence[str]) -> dict[str, Column]:
+def read_in_process(path: Path, names: Sequence[str]) -> dict[str, Column]:
     """The same in this process."""
     if _is_hdf5(path):
-        return hdf5_table.read_here(path, names)
-    rows = {one.name: one.rows for one in headings_here(path) if one.name in names}
+        return hdf5_table.read_in_process(path, names)
+    rows = {one.name: one.rows for one in headings_in_process(path) if one.name in names}
     check_size(path, 8.0 * sum(rows.values()))
     try:
         found = loadmat(path, variable_names=list(rows), squeeze_me=False)
-    except _DAMAGED as error:
-        raise _no_table(path) from error
-    return {name: as_numbers(path, name, np.ravel(found[name])) for name in rows if name in found}
+    except _READ_ERRORS as error:
+        raise _unreadable_table(path) from error
+    return {name: to_numbers(path, name, np.ravel(found[name])) for name in rows if name in found}
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -89,9 +89,9 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
     DataError : a name is none that MATLAB can have.
     """
     for name in columns:
-        if not (name.isidentifier() and name.isascii() and len(name) <= LONGEST_NAME):
+        if not (name.isidentifier() and name.isascii() and len(name) <= MAX_NAME_LENGTH):
             raise DataError(
-                f"{path}: column {name!r}: MATLAB's names are up to {LONGEST_NAME} letters, digits and "
+                f"{path}: column {name!r}: MATLAB's names are up to {MAX_NAME_LENGTH} letters, digits and "
                 "underlines; rename it, or write another format."
             )
     savemat(path, {name: values[:, None] for name, values in columns.items()}, do_compression=True)
@@ -105,5 +105,5 @@ def _is_hdf5(path: Path) -> bool:
         return file.read(8) == _HDF5_SIGNATURE
 
 
-def _no_table(path: Path) -> FileError:
+def _unreadable_table(path: Path) -> FileError:
     return FileError(f"{path}: not a readable MATLAB file; copy or export it again.")

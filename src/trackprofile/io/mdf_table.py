@@ -14,18 +14,24 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size, unique
-from trackprofile.io.subprocess_reader import columns_apart, headings_apart
+from trackprofile.io.column_info import (
+    Column,
+    ColumnInfo,
+    check_size,
+    to_numbers,
+    with_unique_names,
+)
+from trackprofile.io.subprocess_reader import columns_in_subprocess, headings_in_subprocess
 
 SUFFIXES = (".mf4", ".mdf", ".dl3")
 
-_LINES = {None, 0, 1, 65535}
+_LINEAR_CONVERSIONS = {None, 0, 1, 65535}
 """Conversion types that are none or a line, in both versions; in version 3 a line is 0, in version 4 it is 1."""
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The channels of a file, each with its group's clock."""
-    return headings_apart(path, __name__)
+    return headings_in_subprocess(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
@@ -36,7 +42,7 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     FileError : asammdf is not installed, or the file is damaged.
     DataError : a channel does not hold numbers, or is defined by more than a line.
     """
-    return columns_apart(path, __name__, names)
+    return columns_in_subprocess(path, __name__, names)
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
@@ -54,22 +60,22 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
         file.save(path, overwrite=True)
 
 
-def headings_here(path: Path) -> tuple[ColumnInfo, ...]:
+def headings_in_process(path: Path) -> tuple[ColumnInfo, ...]:
     """The same in this process."""
-    with _opened(path) as file:
+    with _open_file(path) as file:
         return tuple(heading for heading, _ in _channels(file))
 
 
-def read_here(path: Path, names: Sequence[str]) -> dict[str, Column]:
+def read_in_process(path: Path, names: Sequence[str]) -> dict[str, Column]:
     """The same in this process."""
-    with _opened(path) as file:
+    with _open_file(path) as file:
         chosen = [(one, place) for one, place in _channels(file) if one.name in names]
         check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
         return {one.name: _values(path, file, one.name, *place) for one, place in chosen}
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_file(path: Path) -> Iterator[Any]:
     asammdf = _library(path)
     try:
         with path.open("rb") as stream, asammdf.MDF(stream, process_bus_logging=False) as file:
@@ -92,11 +98,11 @@ def _library(path: Path) -> Any:
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     for version in (mdf_v3.MDF3, mdf_v4.MDF4):
         # Its own way to end closes what a damaged file never opened, and complains of that on standard error.
-        version.__del__ = _ended
+        version.__del__ = _close_scratch_file
     return asammdf
 
 
-def _ended(self: Any) -> None:
+def _close_scratch_file(self: Any) -> None:
     if (scratch := getattr(self, "_tempfile", None)) is not None:
         scratch.close()
 
@@ -114,20 +120,20 @@ def _channels(file: Any) -> list[tuple[ColumnInfo, tuple[int, int]]]:
             )
             groups.append(str(g))
             places.append((g, c))
-    return list(zip(unique(found, groups), places, strict=True))
+    return list(zip(with_unique_names(found, groups), places, strict=True))
 
 
 def _values(path: Path, file: Any, name: str, group: int, number: int) -> Column:
     channel = file.groups[group].channels[number]
     if file.masters_db.get(group) == number:
-        return as_numbers(path, name, file.get_master(group))
+        return to_numbers(path, name, file.get_master(group))
     conversion = channel.conversion
     kind = None if conversion is None else conversion.conversion_type
-    if kind not in _LINES:
+    if kind not in _LINEAR_CONVERSIONS:
         raise DataError(
             f"{path}: channel {name!r} is converted by more than a line; export it in physical units."
         )
-    raw = as_numbers(path, name, file.get(group=group, index=number, raw=True).samples)
+    raw = to_numbers(path, name, file.get(group=group, index=number, raw=True).samples)
     if conversion is None or kind == 65535 or not hasattr(conversion, "a"):
         return raw
     return conversion.a * raw + conversion.b

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     BaseModel,
@@ -17,14 +17,14 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from trackprofile.contracts import QUANTITIES
-from trackprofile.io.table import located
+from trackprofile.io.table import error_location
 from trackprofile.io.toml_document import Strict
 from trackprofile.models import sensor, track
 from trackprofile.models import sensor_errors as instrument
 from trackprofile.units import unit_factor
 
 
-def _number_or_name(value: object) -> float | str:
+def _number_or_parameter(value: object) -> float | str:
     if isinstance(value, str):
         return value
     if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
@@ -32,10 +32,10 @@ def _number_or_name(value: object) -> float | str:
     raise PydanticCustomError("number", "expected a number, or the name of a parameter")
 
 
-Number = Annotated[float | str, PlainValidator(_number_or_name)]
+Number = Annotated[float | str, PlainValidator(_number_or_parameter)]
 
 
-class Sourced(Strict):
+class SourcedTable(Strict):
     source: str = ""
     verified: bool = True
 
@@ -53,7 +53,7 @@ class QuantityTable(Strict):
         return self.value * unit_factor(self.unit, dimension)
 
 
-class ParameterTable(QuantityTable, Sourced):
+class ParameterTable(QuantityTable, SourcedTable):
     log_std: PositiveFloat = 0.5
     standard_error: NonNegativeFloat | None = None
 
@@ -100,7 +100,7 @@ class SensorTable(Strict):
     @property
     def factor(self) -> float:
         """SI value of one of its unit."""
-        with located(f"sensor {self.name!r}"):
+        with error_location(f"sensor {self.name!r}"):
             return unit_factor(self.unit, QUANTITIES[self.quantity][1])
 
     def si(self) -> sensor.Sensor:
@@ -135,7 +135,7 @@ class ResidualTable(Strict):
     damping: PositiveFloat = 0.5
 
 
-class Installed(SensorTable):
+class InstalledSensorTable(SensorTable):
     gain: float = 1.0
     tilt_rad: float = 0.0
     residual: ResidualTable | None = None
@@ -165,7 +165,7 @@ class InstallationTable(Strict):
     origin: float = 0.0
     unmodelled: NonNegativeFloat | None = None
     distance_scale: PositiveFloat = 1.0
-    sensor: list[Installed] = Field(default_factory=list)
+    sensor: list[InstalledSensorTable] = Field(default_factory=list)
     uncertainty: UncertaintyTable | None = None
 
     def si(self) -> sensor.Installation:
@@ -178,7 +178,7 @@ class InstallationTable(Strict):
         )
 
 
-class VehicleTable(Sourced):
+class VehicleTable(SourcedTable):
     name: str
     contact_spacing: PositiveFloat = 1.5
     parameter: dict[str, ParameterTable] = Field(default_factory=dict)
@@ -189,7 +189,7 @@ class VehicleTable(Sourced):
     calibration: dict[str, Any] = Field(default_factory=dict)
 
 
-class Track(Sourced):
+class TrackTable(SourcedTable):
     name: str
     stiffness: QuantityTable
     damping: QuantityTable
@@ -203,7 +203,7 @@ class Track(Sourced):
         )
 
 
-class AnyTrack(BaseModel):
+class TrackKind(BaseModel):
     """Tells whether a track is layered; whatever else stands there is not looked at."""
 
     rail: object | None = None
@@ -244,7 +244,7 @@ class TrackChangeTable(Strict):
         )
 
 
-class LayeredTrackTable(Sourced):
+class LayeredTrackTable(SourcedTable):
     name: str
     spacing: QuantityTable
     rail: RailTable
@@ -264,14 +264,16 @@ class LayeredTrackTable(Sourced):
         )
 
 
-class SpectrumTable(Sourced):
+class SpectrumTable(SourcedTable):
+    renamed: ClassVar = {"lower": "corner_low", "upper": "corner_high", "piece": "segment"}
+
     name: str
     amplitude: QuantityTable
     corner_low: QuantityTable
     corner_high: QuantityTable
 
 
-class SpatialFrequency(Strict):
+class SpatialFrequencyTable(Strict):
     value: PositiveFloat
     unit: Literal["rad/m", "1/m"]
 
@@ -293,33 +295,37 @@ class DensityTable(Strict):
         return self.value * factor / (1.0 if per == "(rad/m)" else 2 * math.pi)
 
 
-class Corner(Strict):
-    frequency: SpatialFrequency
+class CornerTable(Strict):
+    renamed: ClassVar = {"at": "frequency", "fall": "added_slope"}
+
+    frequency: SpatialFrequencyTable
     added_slope: PositiveFloat
     sharpness: PositiveFloat
 
 
 class SpectrumSegmentTable(Strict):
+    renamed: ClassVar = {"at": "reference", "upper": "end", "knee": "corner"}
+
     density: DensityTable
-    reference: SpatialFrequency
+    reference: SpatialFrequencyTable
     slope: float
-    end: SpatialFrequency | None = None
-    corner: Corner | None = None
+    end: SpatialFrequencyTable | None = None
+    corner: CornerTable | None = None
 
 
-class PowerLawTable(Sourced):
+class PowerLawTable(SourcedTable):
     name: str
     shortest: QuantityTable
     longest: QuantityTable
     segment: list[SpectrumSegmentTable] = Field(min_length=1)
 
 
-class AnySpectrum(BaseModel):
+class SpectrumKind(BaseModel):
     """Tells whether a spectrum is one of pieces; whatever else stands there is not looked at."""
 
     segment: list[object] | None = None
 
 
-class Sensors(Sourced):
+class SensorListTable(SourcedTable):
     name: str = ""
     sensor: list[InstrumentTable] = Field(min_length=1)

@@ -44,8 +44,8 @@ from typing import Any, Literal
 from trackprofile.contracts import QUANTITIES
 from trackprofile.errors import FileError, ModelError
 from trackprofile.io import model_tables as tables
-from trackprofile.io.atomic import check_places, whole_files
-from trackprofile.io.table import located
+from trackprofile.io.atomic import check_writable, whole_files
+from trackprofile.io.table import error_location
 from trackprofile.io.toml_document import load, toml_text
 from trackprofile.models.sensor import Installation, Sensor
 from trackprofile.models.sensor_errors import Instrument
@@ -118,7 +118,7 @@ def read_vehicle(name_or_path: str | Path) -> tuple[Vehicle, Installation]:
     """
     path = _find(name_or_path, "vehicle")
     read = load(path, tables.VehicleTable)
-    with _located(path):
+    with _error_location(path):
         return _vehicle(read), read.installation.si()
 
 
@@ -140,13 +140,13 @@ def write_vehicle(
     ------
     FileError : the path does not end in .toml, or cannot be written.
     """
-    check_vehicle_place(path)
+    check_vehicle_path(path)
     text = toml_text(_vehicle_table(vehicle, installation, calibration or {}))
     with whole_files(path) as (file,):
         file.write_text(text, encoding="utf-8")
 
 
-def check_vehicle_place(path: str | Path) -> None:
+def check_vehicle_path(path: str | Path) -> None:
     """See that a vehicle can be written there: worth asking before a calibration.
 
     Raises
@@ -156,7 +156,7 @@ def check_vehicle_place(path: str | Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".toml":
         raise FileError(f"{path}: a vehicle is written to a file that ends in .toml.")
-    check_places(path)
+    check_writable(path)
     if path.exists():
         try:
             load(path, tables.VehicleTable)
@@ -182,9 +182,9 @@ def read_track(name_or_path: str | Path) -> Track:
     if str(name_or_path) == RIGID:
         return RigidTrack()
     path = _find(name_or_path, "track")
-    layered = load(path, tables.AnyTrack).rail is not None
-    read = load(path, tables.LayeredTrackTable if layered else tables.Track)
-    with _located(path):
+    layered = load(path, tables.TrackKind).rail is not None
+    read = load(path, tables.LayeredTrackTable if layered else tables.TrackTable)
+    with _error_location(path):
         return read.si()
 
 
@@ -202,7 +202,7 @@ def read_spectrum(name_or_path: str | Path) -> Spectrum:
     0.825
     """
     read = read_roughness(name_or_path)
-    with _located(_find(name_or_path, "spectrum")):
+    with _error_location(_find(name_or_path, "spectrum")):
         return require_rational(read)
 
 
@@ -221,10 +221,10 @@ def read_roughness(name_or_path: str | Path) -> Roughness:
     200.0
     """
     path = _find(name_or_path, "spectrum")
-    if load(path, tables.AnySpectrum).segment is not None:
+    if load(path, tables.SpectrumKind).segment is not None:
         return _power_law(path)
     read = load(path, tables.SpectrumTable)
-    with _located(path):
+    with _error_location(path):
         return Spectrum(
             read.name,
             amplitude=read.amplitude.si("roughness"),
@@ -247,8 +247,8 @@ def read_sensors(name_or_path: str | Path) -> tuple[Sensor, ...]:
     ['vertical acceleration', 'pitch rate']
     """
     path = _find(name_or_path, "sensors")
-    read = load(path, tables.Sensors)
-    with _located(path):
+    read = load(path, tables.SensorListTable)
+    with _error_location(path):
         return tuple(one.si() for one in read.sensor)
 
 
@@ -265,8 +265,8 @@ def read_instruments(name_or_path: str | Path) -> tuple[Instrument, ...]:
     [157, 35]
     """
     path = _find(name_or_path, "sensors")
-    read = load(path, tables.Sensors)
-    with _located(path):
+    read = load(path, tables.SensorListTable)
+    with _error_location(path):
         return tuple(one.complete(read.said) for one in read.sensor)
 
 
@@ -283,10 +283,10 @@ def _find(name_or_path: str | Path, kind: Kind) -> Path:
 
 
 @contextmanager
-def _located(path: Path) -> Iterator[None]:
+def _error_location(path: Path) -> Iterator[None]:
     """Errors raised inside gain the file's path."""
     try:
-        with located(path):
+        with error_location(path):
             yield
     except ModelError as error:
         raise ModelError(f"{path}: {error}.") from error
@@ -294,7 +294,7 @@ def _located(path: Path) -> Iterator[None]:
 
 def _power_law(path: Path) -> PowerLaw:
     read = load(path, tables.PowerLawTable)
-    with _located(path):
+    with _error_location(path):
         return PowerLaw(
             read.name,
             segments=tuple(map(_segment, read.segment)),
@@ -340,7 +340,7 @@ def _fields(part: _Part, parameters: Mapping[str, tables.ParameterTable]) -> dic
                 f"{field} of {fields['name']!r} names the parameter {name!r}, which is not there; "
                 f"there is {known}"
             )
-        with located(f"parameter {name!r}, {field} of {fields['name']!r}"):
+        with error_location(f"parameter {name!r}, {field} of {fields['name']!r}"):
             fields[field] = parameters[name].si(_DIMENSIONS[field])
     return fields
 

@@ -13,8 +13,8 @@ from trackprofile.errors import FileError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.column_info import Column
 from trackprofile.io.recording_identity import with_content, without_content
-from trackprofile.io.subprocess_reader import columns_apart
-from trackprofile.io.table import located
+from trackprofile.io.subprocess_reader import columns_in_subprocess
+from trackprofile.io.table import error_location
 
 NAME = "a recording or profile in NetCDF"
 HOLDS = ("recording", "profile")
@@ -31,13 +31,13 @@ def sniff(path: Path) -> bool:
 
 def read(path: Path) -> xr.Dataset:
     """The dataset in the file, in memory, validated."""
-    columns_apart(path, __name__, ())
+    columns_in_subprocess(path, __name__, ())
     dataset = _loaded(path)
-    with located(path):
+    with error_location(path):
         return validate(without_content(dataset))
 
 
-def read_here(path: Path, _names: Sequence[str]) -> dict[str, Column]:
+def read_in_process(path: Path, _names: Sequence[str]) -> dict[str, Column]:
     """Read all of it, to see whether that ends."""
     _loaded(path)
     return {}

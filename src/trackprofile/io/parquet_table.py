@@ -20,7 +20,7 @@ def headings(path: Path) -> tuple[ColumnInfo, ...]:
         with parquet.ParquetFile(path) as file:
             rows, schema = file.metadata.num_rows, file.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise _no_table(path) from error
+        raise _unreadable_table(path) from error
     check_size(path, 8.0 * rows * len(schema))
     stated = [
         (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for field in schema
@@ -42,7 +42,7 @@ def read(path: Path, schema: pa.Schema) -> pa.Table:
     try:
         table = parquet.read_table(path, columns=schema.names)
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise _no_table(path) from error
+        raise _unreadable_table(path) from error
     try:
         return table.select(schema.names).cast(schema)
     except pa.ArrowException as error:
@@ -60,5 +60,5 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
     parquet.write_table(pa.table(list(arrays.values()), schema=pa.schema(fields)), path)
 
 
-def _no_table(path: Path) -> FileError:
+def _unreadable_table(path: Path) -> FileError:
     return FileError(f"{path}: not a readable Parquet table; copy or export it again.")

@@ -31,7 +31,7 @@ from trackprofile.contracts.validation import DISTANCE_DEVIATION
 from trackprofile.errors import RowError
 from trackprofile.io.atomic import whole_files
 from trackprofile.io.table import SUFFIXES as SUFFIXES
-from trackprofile.io.table import column_names, located, read_columns, write_columns
+from trackprofile.io.table import column_names, error_location, read_columns, write_columns
 
 NAME = "a profile as a table with the columns distance_m and elevation_m"
 HOLDS = ("profile",)
@@ -53,12 +53,14 @@ def read(path: Path) -> xr.Dataset:
     }
     known = (f"{_SPREAD}_m", f"{DISTANCE_DEVIATION}_m", "quality")
     optional = [name for name in known if name in names]
-    apart = [name for name in names if _of_one_rail(name)]
-    rates = [name for name in names if _of_rate(name)]
+    apart = [name for name in names if _is_rail_column(name)]
+    rates = [name for name in names if _is_rate_column(name)]
     wanted = ["distance_m", "elevation_m", *optional, *band_columns.values(), *apart, *rates]
     table = read_columns(path, wanted)
     spread = table.get(f"{_SPREAD}_m")
-    with located(path, {name.removesuffix(_PER_DAY).removesuffix("_m"): name for name in wanted}):
+    with error_location(
+        path, {name.removesuffix(_PER_DAY).removesuffix("_m"): name for name in wanted}
+    ):
         profile = build_profile(
             table["distance_m"],
             table["elevation_m"],
@@ -90,13 +92,13 @@ def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
     return (path,)
 
 
-def _of_one_rail(column: str) -> bool:
+def _is_rail_column(column: str) -> bool:
     """Whether a column is one of left, right or difference."""
     names = "|".join(rail_variable(rail) for rail in SEPARATE_RAILS)
     return bool(re.fullmatch(rf"(?:{names})(?:_{_SPREAD}(?:_.+)?)?_m|{DIFFERENCE_QUALITY}", column))
 
 
-def _of_rate(column: str) -> bool:
+def _is_rate_column(column: str) -> bool:
     """Whether a column is the rate, or one of its deviations."""
     return bool(re.fullmatch(f"(?:{RATE}|{RATE_DEVIATION}(?:_.+)?){_PER_DAY}", column))
 
@@ -108,7 +110,7 @@ def _with_rates(profile: xr.Dataset, table: Mapping[str, np.ndarray]) -> xr.Data
             {
                 name.removesuffix(_PER_DAY): ("distance", values, unit)
                 for name, values in table.items()
-                if _of_rate(name)
+                if _is_rate_column(name)
             }
         )
     )

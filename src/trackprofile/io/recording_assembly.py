@@ -46,7 +46,7 @@ def assemble_recording(
         if (reference := getattr(head, name)) is not None:
             columns[name] = reference.column
     read = signals(data, plan, raw.recording)
-    with table.located(data, columns):
+    with table.error_location(data, columns):
         needs_time = has_position_sources(head)
         clocked = on_one_clock(read, needs_time=needs_time)
         steps = [f"read from {data.name}", *(MENDED + note for note in clocked.notes)]

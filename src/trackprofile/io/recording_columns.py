@@ -28,7 +28,7 @@ from trackprofile.io.recording_position import (
     position_factor,
     read_post_table,
 )
-from trackprofile.io.timestamps import FORMS, seconds
+from trackprofile.io.timestamps import TIMESTAMP_FORMS, timestamp_seconds
 from trackprofile.units import unit_factor
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def plan_columns(description: Path, data: Path, document: RecordingDocument) -> 
         in_file = file_clocks.get(column)
         return own or head.time or (ColumnReference(column=in_file, unit="s") if in_file else None)
 
-    with table.located(description):
+    with table.error_location(description):
         positions = position_columns(head)
         factors = {name: _factor(one, MOTION_DIMENSIONS[name]) for name, one in motion.items()}
         factors |= {
@@ -126,7 +126,9 @@ def plan_columns(description: Path, data: Path, document: RecordingDocument) -> 
         if head.gnss and head.gnss.valid:
             clock_of[GNSS_VALID] = clock_of["gnss.latitude"]
         clocks = [one for one in dict.fromkeys(clock_of.values()) if one]
-        clock_factors = {one: _factor(one, "time") for one in clocks if one.unit not in FORMS}
+        clock_factors = {
+            one: _factor(one, "time") for one in clocks if one.unit not in TIMESTAMP_FORMS
+        }
     return ColumnPlan(
         head,
         sensors,
@@ -174,7 +176,7 @@ def signals(data: Path, plan: ColumnPlan, columns: Mapping[str, Any]) -> Signals
     clocks = {
         one: plan.clock_factors[one] * columns[one.column]
         if one in plan.clock_factors
-        else seconds(data, one.column, columns[one.column], one.unit)
+        else timestamp_seconds(data, one.column, columns[one.column], one.unit)
         for one in plan.clocks
     }
     channels = tuple(
@@ -213,7 +215,7 @@ def _channel(sensor: SensorColumn, factor: float, columns: Mapping[str, Any]) ->
 
 
 def _factor(reference: ColumnReference, dimension: str) -> float:
-    with table.located(f"column {reference.column!r}"):
+    with table.error_location(f"column {reference.column!r}"):
         return position_factor(reference, dimension)
 
 
@@ -223,5 +225,5 @@ def _sensor_factor(sensor: SensorColumn) -> float:
             f"column {sensor.column!r}: expected a quantity out of {', '.join(QUANTITIES)}, "
             f"got {sensor.quantity!r}; correct the key 'quantity'."
         )
-    with table.located(f"column {sensor.column!r}"):
+    with table.error_location(f"column {sensor.column!r}"):
         return unit_factor(sensor.unit, QUANTITIES[sensor.quantity][1])

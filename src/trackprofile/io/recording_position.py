@@ -20,7 +20,7 @@ from trackprofile.io.recording_document import (
     RecordingTable,
 )
 from trackprofile.io.recording_identity import RawTables
-from trackprofile.io.timestamps import FORMS, seconds
+from trackprofile.io.timestamps import TIMESTAMP_FORMS, timestamp_seconds
 from trackprofile.positioning.sources import (
     NOMINAL,
     DisplayedSpeed,
@@ -89,7 +89,7 @@ def read_post_table(description: Path, posts: PostColumns) -> dict[str, Column]:
             f"{description}: posts: the table {posts.data!r} needs the key 'time', the column with the times at which "
             "the posts were passed; add it."
         )
-    is_text = posts.time.unit in FORMS
+    is_text = posts.time.unit in TIMESTAMP_FORMS
     numbers = [posts.column] if is_text else [posts.column, posts.time.column]
     texts = [posts.time.column] if is_text else []
     return table.read_columns(description.parent / posts.data, numbers, texts=texts)
@@ -222,11 +222,11 @@ def _listed_posts(
     assert posts.data is not None
     assert posts.time is not None
     path, clock = description.parent / posts.data, posts.time
-    with table.located(description):
+    with table.error_location(description):
         location = unit_factor(posts.unit, "length") * columns[posts.column]
         time = (
-            seconds(path, clock.column, columns[clock.column], clock.unit)
-            if clock.unit in FORMS
+            timestamp_seconds(path, clock.column, columns[clock.column], clock.unit)
+            if clock.unit in TIMESTAMP_FORMS
             else unit_factor(clock.unit, "time") * columns[clock.column]
         )
     known = np.isfinite(time) & np.isfinite(location)

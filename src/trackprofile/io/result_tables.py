@@ -12,10 +12,10 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 
 from trackprofile.errors import FileError
-from trackprofile.io.atomic import check_places, whole_files
+from trackprofile.io.atomic import check_writable, whole_files
 
 SUFFIXES = (".csv", ".parquet")
-MAP = ".geojson"
+GEOJSON_SUFFIX = ".geojson"
 
 
 def table_files(path: str | Path, names: Sequence[str]) -> tuple[Path, ...]:
@@ -34,7 +34,7 @@ def table_files(path: str | Path, names: Sequence[str]) -> tuple[Path, ...]:
     if path.suffix.lower() not in SUFFIXES:
         raise FileError(f"{path}: tables go to a file that ends in {', '.join(SUFFIXES)}.")
     files = tuple(path.with_name(f"{path.stem}-{name}{path.suffix}") for name in names)
-    check_places(*files)
+    check_writable(*files)
     return files
 
 
@@ -66,8 +66,8 @@ def write_geojson(collection: Mapping[str, Any], path: str | Path) -> Path:
     FileError : the suffix is another, or it cannot be written there.
     """
     path = Path(path)
-    if path.suffix.lower() != MAP:
-        raise FileError(f"{path}: a map goes to a file that ends in {MAP}.")
+    if path.suffix.lower() != GEOJSON_SUFFIX:
+        raise FileError(f"{path}: a map goes to a file that ends in {GEOJSON_SUFFIX}.")
     with whole_files(path) as (part,):
         part.write_text(
             json.dumps(collection, ensure_ascii=False, allow_nan=False), encoding="utf-8"

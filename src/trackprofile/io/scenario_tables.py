@@ -21,12 +21,12 @@ from trackprofile.models.track import SupportChange
 from trackprofile.units import quantity
 
 
-def placed(name: str, beside: Path) -> str | Path:
+def preset_or_path(name: str, beside: Path) -> str | Path:
     """A preset's name as it is, or the file of that name beside the scenario."""
     return beside / name if (beside / name).is_file() else name
 
 
-def si(dimension: str, value: object) -> float:
+def si_value(dimension: str, value: object) -> float:
     """What a key of that dimension says, a number and its unit as text, in SI."""
     problem = f"expected text: a number and its unit of {dimension}"
     try:
@@ -37,15 +37,15 @@ def si(dimension: str, value: object) -> float:
     raise PydanticCustomError("quantity", "{problem}", {"problem": problem})
 
 
-def _from_the_first(value: object) -> object:
+def _speed_schedule(value: object) -> object:
     """One speed as a table of speeds."""
     return value if isinstance(value, list) else [{"time": "0 s", "speed": value}]
 
 
-Length = Annotated[float, BeforeValidator(partial(si, "length"))]
-Time = Annotated[float, BeforeValidator(partial(si, "time"))]
-Speed = Annotated[float, BeforeValidator(partial(si, "speed"))]
-Frequency = Annotated[float, BeforeValidator(partial(si, "frequency"))]
+Length = Annotated[float, BeforeValidator(partial(si_value, "length"))]
+Time = Annotated[float, BeforeValidator(partial(si_value, "time"))]
+Speed = Annotated[float, BeforeValidator(partial(si_value, "speed"))]
+Frequency = Annotated[float, BeforeValidator(partial(si_value, "frequency"))]
 
 
 class SpeedTable(Strict):
@@ -56,7 +56,7 @@ class SpeedTable(Strict):
 class RunTable(Strict):
     start: Length
     end: Length
-    speed: Annotated[list[SpeedTable], BeforeValidator(_from_the_first)]
+    speed: Annotated[list[SpeedTable], BeforeValidator(_speed_schedule)]
     run_in: Length = 100.0
 
 
@@ -99,7 +99,7 @@ class RandomTable(Strict):
 
     def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
         """As the simulation takes it."""
-        spectrum = read_roughness(placed(self.spectrum, beside))
+        spectrum = read_roughness(preset_or_path(self.spectrum, beside))
         return random_irregularity(
             spectrum, self.seed, self.shortest, self.longest, length=span[1] - span[0]
         )
@@ -130,14 +130,14 @@ class ChangeTable(Strict):
         return SupportChange(self.field, self.factor, self.start, self.end)
 
 
-KINDS: dict[str, type[Strict]] = {
+IRREGULARITY_TABLES: dict[str, type[Strict]] = {
     "bell": BellTable, "dip": DipTable, "random": RandomTable, "file": FileTable
 }  # fmt: skip
 
 
-def _known(table: Any) -> Any:
+def _refuse_unknown_keys(table: Any) -> Any:
     """Refuse a key that its kind has not: for a union of tables, the reader cannot say which there are."""
-    kind = KINDS.get(str(table.get("kind"))) if isinstance(table, dict) else None
+    kind = IRREGULARITY_TABLES.get(str(table.get("kind"))) if isinstance(table, dict) else None
     unknown = [key for key in table if key not in kind.model_fields] if kind else []
     if kind and unknown:
         raise PydanticCustomError(
@@ -150,7 +150,7 @@ def _known(table: Any) -> Any:
 AnyIrregularity = Annotated[
     BellTable | DipTable | RandomTable | FileTable,
     Field(discriminator="kind"),
-    BeforeValidator(_known),
+    BeforeValidator(_refuse_unknown_keys),
 ]
 
 

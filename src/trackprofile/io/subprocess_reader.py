@@ -26,77 +26,77 @@ import numpy as np
 from trackprofile.errors import DataError, FileError, TrackprofileError
 from trackprofile.io.column_info import Column, ColumnInfo
 
-PATIENCE = 15.0
+TIME_LIMIT = 15.0
 """s that a small file may take."""
 
-SLOWEST = 5e6
+MIN_READ_RATE = 5e6
 """Bytes per s of a large one."""
 
-MOST_MEMORY = 1 << 30
+EXTRA_MEMORY = 1 << 30
 """Bytes beyond what the libraries take, and twice the file's size."""
 
-LARGE = 1 << 26
+LARGE_FILE = 1 << 26
 """Bytes of a file after which the process is ended, so that its memory is free."""
 
-_AT_ONCE = 1 << 20
+_CHUNK = 1 << 20
 """Bytes that are taken from a pipe in one go."""
 
 _lock = Lock()
 _workers: list[subprocess.Popen[bytes]] = []
 
 
-class _GoneError(Exception):
+class _WorkerDiedError(Exception):
     """The process apart died."""
 
 
-def headings_apart(path: Path, module: str) -> tuple[ColumnInfo, ...]:
+def headings_in_subprocess(path: Path, module: str) -> tuple[ColumnInfo, ...]:
     """What ``module``'s function ``headings_here`` says of a file.
 
     Raises
     ------
     FileError, DataError : what it refuses; it died of the file, or took too long or too much memory.
     """
-    answer, _ = _asked(path, module, None)
+    answer, _ = _request(path, module, None)
     return tuple(ColumnInfo(**one) for one in answer["headings"])
 
 
-def columns_apart(path: Path, module: str, names: Sequence[str]) -> dict[str, Column]:
+def columns_in_subprocess(path: Path, module: str, names: Sequence[str]) -> dict[str, Column]:
     """Columns that ``module``'s function ``read_here`` reads from a file.
 
     Raises
     ------
-    FileError, DataError : as `headings_apart`.
+    FileError, DataError : as `headings_in_subprocess`.
     """
-    return _asked(path, module, names)[1]
+    return _request(path, module, names)[1]
 
 
-def _asked(
+def _request(
     path: Path, module: str, names: Sequence[str] | None
 ) -> tuple[dict[str, Any], dict[str, Column]]:
     with _lock:
         # One that has read a damaged file before may die of that.
         for _ in range(2 if _workers else 1):
-            worker = _worker()
-            limit = time.monotonic() + PATIENCE + path.stat().st_size / SLOWEST
+            worker = _running_worker()
+            limit = time.monotonic() + TIME_LIMIT + path.stat().st_size / MIN_READ_RATE
             try:
-                answer, columns = _answer(worker, (str(path.absolute()), module, names), limit)
-            except _GoneError:
-                _end(worker)
+                answer, columns = _receive(worker, (str(path.absolute()), module, names), limit)
+            except _WorkerDiedError:
+                _stop(worker)
                 continue
             except TimeoutError:
-                _end(worker)
+                _stop(worker)
                 break
             if words := answer.get("refused"):
                 raise DataError(words) if answer["of_data"] else FileError(words)
-            if path.stat().st_size > LARGE:
-                _end(worker)
+            if path.stat().st_size > LARGE_FILE:
+                _stop(worker)
             return answer, columns
     raise FileError(
         f"{path}: damaged so that it cannot be read to its end; copy or export it again."
     )
 
 
-def _answer(
+def _receive(
     worker: subprocess.Popen[bytes], question: tuple[object, ...], limit: float
 ) -> tuple[dict[str, Any], dict[str, Column]]:
     assert worker.stdin is not None
@@ -104,10 +104,10 @@ def _answer(
         worker.stdin.write(json.dumps(question).encode() + b"\n")
         worker.stdin.flush()
     except BrokenPipeError as error:
-        raise _GoneError from error
+        raise _WorkerDiedError from error
     taken = bytearray()
     while (end := taken.find(b"\n")) < 0:
-        taken += _taken(worker, _AT_ONCE, limit)
+        taken += _read_chunk(worker, _CHUNK, limit)
     answer = json.loads(taken[:end])
     del taken[: end + 1]
     columns = {}
@@ -115,8 +115,8 @@ def _answer(
         columns[name] = np.empty(rows)
         data, filled = columns[name].view(np.uint8), 0
         while filled < len(data):
-            piece = taken[: len(data) - filled] or _taken(
-                worker, min(_AT_ONCE, len(data) - filled), limit
+            piece = taken[: len(data) - filled] or _read_chunk(
+                worker, min(_CHUNK, len(data) - filled), limit
             )
             data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
             filled += len(piece)
@@ -124,7 +124,7 @@ def _answer(
     return answer, columns
 
 
-def _taken(worker: subprocess.Popen[bytes], most: int, limit: float) -> bytes:
+def _read_chunk(worker: subprocess.Popen[bytes], most: int, limit: float) -> bytes:
     """What the process apart has to say, when it says it."""
     assert worker.stdout is not None
     ready, _, _ = select.select([worker.stdout], [], [], max(limit - time.monotonic(), 0.0))
@@ -132,15 +132,15 @@ def _taken(worker: subprocess.Popen[bytes], most: int, limit: float) -> bytes:
         raise TimeoutError
     piece = os.read(worker.stdout.fileno(), most)
     if not piece:
-        raise _GoneError
+        raise _WorkerDiedError
     return piece
 
 
-def _worker() -> subprocess.Popen[bytes]:
+def _running_worker() -> subprocess.Popen[bytes]:
     if _workers and _workers[0].poll() is None:
         return _workers[0]
     if not _workers:
-        atexit.register(end)
+        atexit.register(stop_worker)
     _workers.clear()
     _workers.append(
         subprocess.Popen(
@@ -155,7 +155,7 @@ def _worker() -> subprocess.Popen[bytes]:
     return _workers[0]
 
 
-def _end(worker: subprocess.Popen[bytes]) -> None:
+def _stop(worker: subprocess.Popen[bytes]) -> None:
     worker.kill()
     worker.wait()
     for stream in (worker.stdin, worker.stdout):
@@ -164,10 +164,10 @@ def _end(worker: subprocess.Popen[bytes]) -> None:
     _workers.clear()
 
 
-def end() -> None:
+def stop_worker() -> None:
     """End the process apart, if there is one; the next file starts another."""
     for worker in tuple(_workers):
-        _end(worker)
+        _stop(worker)
 
 
 def serve() -> None:
@@ -193,9 +193,9 @@ def _read(
     read: Callable[[Path, Sequence[str]], Mapping[str, Column]]
     try:
         if names is None:
-            headings = module.headings_here
+            headings = module.headings_in_process
             return {"headings": [asdict(one) for one in headings(path)]}, {}
-        read = module.read_here
+        read = module.read_in_process
         return {}, read(path, names)
     except TrackprofileError as error:
         return {"refused": str(error), "of_data": isinstance(error, DataError)}, {}
@@ -210,5 +210,5 @@ def _limit_memory(path: Path) -> None:
     except ImportError:  # where there is no such limit, the time's has to do
         return
     pages = int(Path("/proc/self/statm").read_text().split()[0]) if Path("/proc").is_dir() else 0
-    most = pages * resource.getpagesize() + MOST_MEMORY + 2 * path.stat().st_size
+    most = pages * resource.getpagesize() + EXTRA_MEMORY + 2 * path.stat().st_size
     resource.setrlimit(resource.RLIMIT_AS, (most, resource.RLIM_INFINITY))

@@ -105,7 +105,7 @@ def write_columns(
 
 
 @contextmanager
-def located(where: Path | str, columns: Mapping[str, str] | None = None) -> Iterator[None]:
+def error_location(where: Path | str, columns: Mapping[str, str] | None = None) -> Iterator[None]:
     """Errors about data, raised inside, gain the place, and the column in place of the variable."""
     try:
         yield

@@ -11,17 +11,23 @@ from typing import Any
 import numpy as np
 
 from trackprofile.errors import DataError, FileError
-from trackprofile.io.column_info import Column, ColumnInfo, as_numbers, check_size, unique
+from trackprofile.io.column_info import (
+    Column,
+    ColumnInfo,
+    check_size,
+    to_numbers,
+    with_unique_names,
+)
 
 SUFFIXES = (".tdms",)
 
-CLOCK = " (time)"
+CLOCK_SUFFIX = " (time)"
 """Ends the name of the column with the times of a channel that has a start and an interval only."""
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
     """The channels of a file, and a column of times for each that is sampled evenly."""
-    with _opened(path) as file:
+    with _open_file(path) as file:
         return tuple(heading for heading, _ in _channels(file))
 
 
@@ -33,11 +39,11 @@ def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
     FileError : npTDMS is not installed, or the file is damaged.
     DataError : a channel does not hold numbers.
     """
-    with _opened(path) as file:
+    with _open_file(path) as file:
         chosen = [(one, channel) for one, channel in _channels(file) if one.name in names]
         check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
         return {
-            one.name: as_numbers(
+            one.name: to_numbers(
                 path, one.name, channel.time_track() if _is_clock(one) else channel[:]
             )
             for one, channel in chosen
@@ -61,7 +67,7 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_file(path: Path) -> Iterator[Any]:
     nptdms = _library(path)
     try:
         with path.open("rb") as stream, nptdms.TdmsFile.open(stream) as file:
@@ -92,14 +98,14 @@ def _channels(file: Any) -> list[tuple[ColumnInfo, Any]]:
         for channel in group.channels():
             unit = str(channel.properties.get("unit_string", ""))
             even = float(channel.properties.get("wf_increment", 0.0) or 0.0) > 0.0
-            clock = channel.name + CLOCK if even else ""
+            clock = channel.name + CLOCK_SUFFIX if even else ""
             if even:
                 found.append(ColumnInfo(clock, "s", len(channel)))
             found.append(ColumnInfo(channel.name, unit, len(channel), clock))
             groups += [group.name] * (1 + even)
             channels += [channel] * (1 + even)
-    return list(zip(unique(found, groups), channels, strict=True))
+    return list(zip(with_unique_names(found, groups), channels, strict=True))
 
 
 def _is_clock(heading: ColumnInfo) -> bool:
-    return heading.name.endswith(CLOCK)
+    return heading.name.endswith(CLOCK_SUFFIX)

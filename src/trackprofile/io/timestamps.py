@@ -29,7 +29,7 @@ def _date(first: str, second: str, third: str) -> str:
     return rf"^{parts[first]}[-./]{parts[second]}[-./]{parts[third]}(?: +|T){_CLOCK}{_ZONE}$"
 
 
-FORMS: Mapping[str, str] = {
+TIMESTAMP_FORMS: Mapping[str, str] = {
     "Y-M-D": _date("Y", "M", "D"),
     "D.M.Y": _date("D", "M", "Y"),
     "M/D/Y": _date("M", "D", "Y"),
@@ -40,7 +40,7 @@ FORMS: Mapping[str, str] = {
 DAY = 86400.0  # s
 
 
-def form_of(text: str) -> str:
+def timestamp_form(text: str) -> str:
     """The form in which a time is written, "text" if in none.
 
     What could be the second of March or the third of February is taken for the order of its land: with strokes month
@@ -48,17 +48,17 @@ def form_of(text: str) -> str:
 
     Examples
     --------
-    >>> form_of("2.3.2024 12:00:00"), form_of("2/3/2024 12:00:00"), form_of("13/3/2024 12:00:00"), form_of("noon")
-    ('D.M.Y', 'M/D/Y', 'D.M.Y', 'text')
+    >>> [timestamp_form(text) for text in ("2.3.2024 12:00:00", "2/3/2024 12:00:00", "13/3/2024 12:00:00", "noon")]
+    ['D.M.Y', 'M/D/Y', 'D.M.Y', 'text']
     """
     text = text.strip()
-    forms = [form for form, pattern in FORMS.items() if re.match(pattern, text)]
+    forms = [form for form, pattern in TIMESTAMP_FORMS.items() if re.match(pattern, text)]
     if "M/D/Y" in forms and "/" in text:
         return "M/D/Y" if int(text.split("/")[0]) <= 12 else "D.M.Y"
     return forms[0] if forms else "text"
 
 
-def seconds(path: Path, column: str, texts: NDArray[np.object_], form: str) -> Array:
+def timestamp_seconds(path: Path, column: str, texts: NDArray[np.object_], form: str) -> Array:
     """Texts (n,) as seconds since 1970, or since the first midnight; NaN where there is none.
 
     Raises
@@ -68,40 +68,40 @@ def seconds(path: Path, column: str, texts: NDArray[np.object_], form: str) -> A
     Examples
     --------
     >>> here = Path("a.csv")
-    >>> seconds(here, "t", np.array(["23:59:59,5", None, "0:00:00"], object), "h:m:s")
+    >>> timestamp_seconds(here, "t", np.array(["23:59:59,5", None, "0:00:00"], object), "h:m:s")
     array([86399.5,     nan, 86400. ])
-    >>> seconds(here, "t", np.array(["02.01.1970 01:00:00.25 +01"], object), "D.M.Y")
+    >>> timestamp_seconds(here, "t", np.array(["02.01.1970 01:00:00.25 +01"], object), "D.M.Y")
     array([86400.25])
     """
     stamps = pc.utf8_trim_whitespace(pa.array(texts, pa.string()))
-    found = pc.extract_regex(stamps, FORMS[form])
+    found = pc.extract_regex(stamps, TIMESTAMP_FORMS[form])
     bad = (stamps.is_valid().to_numpy(False)) & ~found.is_valid().to_numpy(False)
     if bad.any():
         row = int(np.argmax(bad))
         problem = f"expected a time as {form}, found {texts[row]!r}; mend it, or leave it empty."
         raise RowError(f"{path}: column {column!r}", row + 1, problem)
     part = {field.name: found.field(field.name) for field in found.type}
-    h, m, s = (_whole(part[name]) for name in ("h", "m", "s"))
+    h, m, s = (_integers(part[name]) for name in ("h", "m", "s"))
     fraction = pc.binary_join_element_wise("0.", part["f"], "0", "").cast(pa.float64())
     result = 3600.0 * h + 60.0 * m + s + fraction.to_numpy(zero_copy_only=False)
     if form != "h:m:s":
-        months = 12 * (_whole(part["Y"]) - 1970) + _whole(part["M"]) - 1
+        months = 12 * (_integers(part["Y"]) - 1970) + _integers(part["M"]) - 1
         days = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
-        zone = _whole(part["zone"]) * 3600.0
-        zone += np.where(zone < 0, -60.0, 60.0) * _whole(part["quarter"])
-        result += DAY * (days + _whole(part["D"]) - 1) - zone
+        zone = _integers(part["zone"]) * 3600.0
+        zone += np.where(zone < 0, -60.0, 60.0) * _integers(part["quarter"])
+        result += DAY * (days + _integers(part["D"]) - 1) - zone
     result[~found.is_valid().to_numpy(False)] = np.nan
-    return result if form != "h:m:s" else _past_midnight(result)
+    return result if form != "h:m:s" else _unwrap_midnight(result)
 
 
-def _whole(texts: pa.Array) -> NDArray[np.int64]:
+def _integers(texts: pa.Array) -> NDArray[np.int64]:
     """Whole numbers, 0 where there is none."""
     signed = pc.replace_substring(texts, "+", "")
     filled = pc.if_else(pc.equal(pc.utf8_length(signed), 0), "0", signed)
     return np.asarray(pc.fill_null(filled, "0").cast(pa.int64()))
 
 
-def _past_midnight(times: Array) -> Array:
+def _unwrap_midnight(times: Array) -> Array:
     known = np.isfinite(times)
     back = np.diff(times[known], prepend=times[known][:1]) < -DAY / 2
     times[known] += DAY * np.cumsum(back)

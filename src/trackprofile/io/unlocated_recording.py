@@ -80,5 +80,5 @@ class UnlocatedRecording:
         fields |= {"distance": distance, "speed": speed, "wheel_scale": wheel_scale}
         fields |= {"distance_deviation": distance_deviation}
         fields["clock_fault"] = fields["clock_fault"] + faults
-        with table.located(self.data, self.columns):
+        with table.error_location(self.data, self.columns):
             return build_recording(**fields, provenance=steps)

@@ -9,7 +9,7 @@ from trackprofile import __version__
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.trend import Trend
 from trackprofile.errors import FileError, importing_extra
-from trackprofile.io.atomic import check_places, whole_files
+from trackprofile.io.atomic import check_writable, whole_files
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.reporting.contents import Report
 from trackprofile.reporting.html import html
@@ -34,7 +34,7 @@ def report_files(*paths: str | Path) -> tuple[Path, ...]:
     if any(path.suffix.lower() == ".pdf" for path in files):
         with importing_extra("plot", "A PDF report"):
             import matplotlib  # noqa: F401
-    check_places(*files)
+    check_writable(*files)
     return files
 
 

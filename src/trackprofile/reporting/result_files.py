@@ -23,7 +23,7 @@ from trackprofile.contracts import (
 from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT
 from trackprofile.errors import FileError, MissingExtraError, TrackprofileError
 from trackprofile.io import format_to_write, write
-from trackprofile.io.atomic import check_places, whole_files
+from trackprofile.io.atomic import check_writable, whole_files
 from trackprofile.reader import read
 from trackprofile.reporting.figures import (
     interactive_figure,
@@ -71,7 +71,7 @@ def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
     profile = Path(profile)
     files = (profile, profile.with_suffix(".html"), profile.with_suffix(".png"))
     format_to_write("profile", profile)
-    check_places(*files)
+    check_writable(*files)
     if profile.exists() and not _is_profile(profile):
         raise FileError(f"{profile}: it is there already and is no profile; choose another name.")
     return files
@@ -160,7 +160,7 @@ def simulation_files(recording: str | Path, truth: str | Path) -> tuple[Path, Pa
     format_to_write("recording", recording)
     format_to_write("profile", truth)
     files = (recording, truth, recording.with_suffix(".html"), recording.with_suffix(".png"))
-    check_places(*files)
+    check_writable(*files)
     # A recording as a TOML has a table beside it.
     table = recording.with_suffix(".csv") if recording.suffix.lower() == ".toml" else recording
     if truth.absolute() in {recording.absolute(), table.absolute()}:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from trackprofile.errors import FileError
 from trackprofile.inference.maximum_likelihood import Progress
-from trackprofile.io.atomic import check_places, whole_files
+from trackprofile.io.atomic import check_writable, whole_files
 from trackprofile.reproduction import noise_study as noise
 from trackprofile.reproduction import open_settings, searches
 from trackprofile.reproduction import paper_tables as tables
@@ -89,7 +89,7 @@ def compute_sections(progress: Progress) -> tuple[PageSection, ...]:
 def _check(folder: Path) -> None:
     there = folder / PAGE
     if folder.exists():
-        check_places(there)
+        check_writable(there)
     if there.exists() and TITLE not in there.read_text(encoding="utf-8", errors="replace")[:2000]:
         raise FileError(
             f"{there}: it is there already and is no reproduction; choose another folder."

@@ -26,7 +26,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator
 
 from trackprofile.errors import FileError, ModelError
-from trackprofile.io.scenario_tables import Length, si
+from trackprofile.io.scenario_tables import Length, si_value
 from trackprofile.io.toml_document import Strict, load
 from trackprofile.methods.cross_entropy.search_settings import (
     TABLE_5,
@@ -48,7 +48,7 @@ class SearchTable(Strict):
     standard_deviation: Length | None = None
     population: int | None = None
     elite: float | None = None
-    threshold: Annotated[float, BeforeValidator(partial(si, "area"))] | None = None
+    threshold: Annotated[float, BeforeValidator(partial(si_value, "area"))] | None = None
     objective: Literal["signal", "scan"] | None = None
     variant: Literal["literal", "covariance"] | None = None
     agreement: float | None = None
