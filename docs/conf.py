@@ -1,4 +1,4 @@
-"""How the manual is built: `make docs`."""
+"""Configuration of Sphinx, which builds the manual: `make docs`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from docutils.nodes import SkipNode
 from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.application import Sphinx
 
-from trackprofile import __version__
+from trackprofile import __version__, errors
 
 project = "trackprofile"
 copyright = "the trackprofile authors"
@@ -28,7 +28,7 @@ html_css_files = ["manual.css"]
 html_copy_source = False
 html_math_renderer = "presentation"
 
-# The docstrings' own examples run with the tests.
+# The examples in docstrings run with the tests.
 doctest_test_doctest_blocks = ""
 
 default_role = "py:obj"
@@ -40,14 +40,14 @@ autodoc_typehints_format = "short"
 _ALIASES = ("Array", "ArrayLike", "ComplexArray", "Indices", "NDArray", "PointTrack", "Progress")
 autodoc_type_aliases = {name: name for name in (*_ALIASES, "Roughness", "Track")}
 
-# A docstring may name what this manual does not describe, such as NumPy's types; a page may not.
-nitpick_ignore_regex = [("py:(class|obj|data)", r".*")]
+# Docstrings refer to objects without a page, such as NumPy's types and compiled kernels.
+nitpick_ignore_regex = [("py:(class|obj|data)", r".*"), ("py:(mod|func)", r".*kernels.*")]
 
 
 def setup(app: Sphinx) -> None:
-    """Called by Sphinx."""
-    app.connect("autodoc-process-docstring", _readable)
-    app.connect("autodoc-process-signature", _aliased)
+    """Connect the functions of this file to Sphinx."""
+    app.connect("autodoc-process-docstring", _numpy_docstring)
+    app.connect("autodoc-process-signature", _short_signature)
     app.add_html_math_renderer("presentation", (_inline, None), (_display, None))
 
 
@@ -62,36 +62,38 @@ def _display(writer: Any, node: Any) -> None:
 
 
 def _mathml(formula: str, *, as_block: bool = False) -> str:
-    """A formula as MathML, which a browser lays out by itself: nothing is loaded for it."""
-    # Where there is no mathematical font, an accent would be drawn across its letter.
+    """A formula as MathML, which browsers lay out without scripts or fonts of the page."""
+    # Without a mathematical font an accent would be drawn across its letter.
     return tex2mathml(formula, as_block=as_block).replace(' accent="true"', "")
 
 
-def _readable(app: Sphinx, what: str, name: str, it: object, options: object, lines: list) -> None:
-    """Docstrings here have NumPy's sections, with ``name : meaning`` in one line."""
-    parts = [*_parts(lines)]
-    lines[:] = [line for title, body in parts for line in _FORMS[title](body)]
+def _numpy_docstring(
+    app: Sphinx, what: str, name: str, it: object, options: object, lines: list
+) -> None:
+    """Convert a docstring with NumPy's sections, whose entries are ``name : meaning`` in one line."""
+    sections = [*_sections(lines)]
+    lines[:] = [line for title, body in sections for line in _FORMATS[title](body)]
 
 
-def _aliased(
+def _short_signature(
     app: Sphinx, what: str, name: str, it: object, options: object,
     arguments: str | None, returned: str | None,
 ) -> tuple[str | None, str | None]:  # fmt: skip
-    """A type alias by its name, inside of other types too; nothing for what is never called."""
+    """Type aliases by their names, inside of other types too; no signature for objects that are not callable."""
     if arguments == "(*args, **kwargs)":
         return "", None
-    return _unwrapped(arguments), _unwrapped(returned)
+    return _alias_names(arguments), _alias_names(returned)
 
 
-def _unwrapped(text: str | None) -> str | None:
+def _alias_names(text: str | None) -> str | None:
     return text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text)
 
 
-def _parts(lines: list[str]) -> Iterator[tuple[str, list[str]]]:
-    """The sections by title, that before the first without one."""
+def _sections(lines: list[str]) -> Iterator[tuple[str, list[str]]]:
+    """Titles and lines of the sections; the text before the first section has no title."""
     title, body = "", []
     for line in lines:
-        if body and re.fullmatch("-{3,}", line) and body[-1] in _FORMS:
+        if body and re.fullmatch("-{3,}", line) and body[-1] in _FORMATS:
             following = body.pop()
             yield title, body
             title, body = following, []
@@ -101,23 +103,23 @@ def _parts(lines: list[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def _prose(body: list[str]) -> list[str]:
-    """Text, in which an indented paragraph, or TOML to the end, is meant as it stands."""
-    made: list[str] = []
-    toml = next((n for n, line in enumerate(body) if re.match(r"\w+ = ", line)), len(body))
+    """Text, in which an indented paragraph, and TOML up to the end, is a literal block."""
+    text: list[str] = []
+    toml = next((n for n, line in enumerate(body) if re.match(r"\w+ = [\"\[{\d]", line)), len(body))
     for line in (*body[:toml], *(f"    {line}".rstrip() for line in body[toml:])):
         indented = line.startswith("    ")
-        if indented and len(made) > 1 and not made[-1] and _begins_block(made[-2]):
-            made += ["::", ""]
-        made.append(line if indented else _escaped(line))
-    return made
+        if indented and len(text) > 1 and not text[-1] and _begins_block(text[-2]):
+            text += ["::", ""]
+        text.append(line if indented else _escaped(line))
+    return text
 
 
-def _begins_block(before: str) -> bool:
-    return bool(before) and not before.startswith((" ", ".. ")) and not before.endswith("::")
+def _begins_block(previous: str) -> bool:
+    return bool(previous) and not previous.startswith((" ", ".. ")) and not previous.endswith("::")
 
 
 def _entries(body: list[str]) -> Iterator[tuple[str, str]]:
-    """Names and meaning, from ``names : meaning`` or the meaning indented below the names."""
+    """Names and meaning, from ``names : meaning`` or from a meaning that is indented below the names."""
     names, meaning = "", []
     for line in filter(str.strip, body):
         if line.startswith(" "):
@@ -138,14 +140,20 @@ def _parameters(body: list[str]) -> list[str]:
 
 
 def _raises(body: list[str]) -> list[str]:
-    role = ":py:exc:`~trackprofile.errors.{}`".format
-    entries = [(", ".join(map(role, names.split(", "))), text) for names, text in _entries(body)]
+    entries = [
+        (", ".join(map(_exception, names.split(", "))), text) for names, text in _entries(body)
+    ]
     return _field("Raises", entries)
 
 
+def _exception(name: str) -> str:
+    """Reference to an exception of the package; a built-in one as text."""
+    return f":py:exc:`~trackprofile.errors.{name}`" if hasattr(errors, name) else f"``{name}``"
+
+
 def _field(title: str, entries: list[tuple[str, str]]) -> list[str]:
-    made = [f"* {names}: {_escaped(text)}" for names, text in entries]
-    return [f":{title}:", *(f"    {line}" for line in made), ""]
+    lines = [f"* {names}: {_escaped(text)}" for names, text in entries]
+    return [f":{title}:", *(f"    {line}" for line in lines), ""]
 
 
 def _returns(body: list[str]) -> list[str]:
@@ -158,13 +166,17 @@ def _examples(body: list[str]) -> list[str]:
 
 
 def _escaped(line: str) -> str:
-    """What is no markup here: stars, bars and trailing underscores outside of quotation."""
+    """Stars, bars and trailing underscores outside of quotation escaped: they are no markup."""
     parts = re.split(r"((?::[a-z:]+:)?`+[^`]+`+)", line)
     parts[::2] = [re.sub(r"([*|]|(?<=\w)_(?!\w))", r"\\\1", part) for part in parts[::2]]
-    return "".join(parts)
+    # A quotation has to be separated from a letter or superscript that follows it.
+    return "".join(
+        "\\ " + part if number and number % 2 == 0 and part[:1].isalnum() else part
+        for number, part in enumerate(parts)
+    )
 
 
-_FORMS = {
+_FORMATS = {
     "": _prose,
     "Parameters": _parameters,
     "Returns": _returns,
