@@ -11,7 +11,7 @@ import xarray as xr
 from trackprofile.calibration.bandwidth import limit_bandwidth, spectral_fit
 from trackprofile.calibration.calibrate import calibrate
 from trackprofile.calibration.datasets import calibration_runs, most_informative, shortened
-from trackprofile.calibration.identifiability import identified, marginal
+from trackprofile.calibration.identifiability import identifiable, marginal_information
 from trackprofile.calibration.likelihood_profiles import likelihood_profiles
 from trackprofile.contracts import Channel, build_recording, channels, select_stretch
 from trackprofile.demo import simulated
@@ -86,22 +86,24 @@ def test_what_lies_in_the_band_is_kept_and_what_lies_above_is_cut() -> None:
 
 
 def test_a_run_too_short_or_too_slow_is_refused(recording: xr.Dataset) -> None:
-    with pytest.raises(DataError, match="too short or too slow to tell the vehicle"):
+    with pytest.raises(DataError, match="too short or too slow to determine the vehicle"):
         calibrate(select_stretch(recording, 100.0, 200.0), VELARO, track=ZHAI)
     slow = recording.copy()
     slow["time"] = slow["time"] * 30.0
     slow["speed"] = slow["speed"] / 30.0
-    with pytest.raises(DataError, match="too short or too slow to tell the vehicle"):
+    with pytest.raises(DataError, match="too short or too slow to determine the vehicle"):
         calibrate(slow, VELARO, track=ZHAI)
 
 
-def test_parameter_that_the_data_tell_less_than_the_prior_is_not_written_unless_told(
+def test_weakly_determined_parameter_is_refused_unless_it_is_to_be_kept(
     recording: xr.Dataset,
 ) -> None:
     piece = select_stretch(recording, 0.0, 250.0)
-    with pytest.raises(UndeterminedError, match="do not tell 'wheelset mass'"):
+    with pytest.raises(UndeterminedError, match="do not determine 'wheelset mass'"):
         calibrate(piece, VELARO, track=read_track("rigid"), parameters=["wheelset mass"])
-    kept = calibrate(piece, VELARO, track=ZHAI, parameters=["wheelset mass"], anyway=True)
+    kept = calibrate(
+        piece, VELARO, track=ZHAI, parameters=["wheelset mass"], keep_undetermined=True
+    )
     assert [one.name for one in kept.estimates] == ["wheelset mass"]
 
 
@@ -142,30 +144,30 @@ def test_recordings_of_two_vehicles_under_one_name_are_told_apart() -> None:
 
 def test_long_recordings_are_thinned_to_stretches_of_all_speeds(recording: xr.Dataset) -> None:
     passes, _ = calibration_runs([recording], None, VELARO, Installation())
-    some, notes = most_informative(passes, most=1000.0)
+    some, notes = most_informative(passes, max_length=1000.0)
     assert sum(one.length for one in some) == pytest.approx(1000.0, rel=0.05)
-    assert "were used: those that tell most" in notes[0]
-    assert most_informative(passes, most=5000.0) == (passes, [])
+    assert "were used: the most informative stretches" in notes[0]
+    assert most_informative(passes, max_length=5000.0) == (passes, [])
     assert sum(one.length for one in shortened(passes, 300.0)) == pytest.approx(300.0, rel=0.05)
 
 
 def test_null_direction_is_named_by_its_parameters() -> None:
     mass, stiffness = vehicle_parameters(model())[:2]
-    # Only the difference of the logarithms is told: mass over stiffness.
+    # Only the difference of the logarithms is determined: mass over stiffness.
     information = 1e4 * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    left, notes = identified(information, [mass, stiffness], 1.0, asked=False)
+    left, notes = identifiable(information, [mass, stiffness], 1.0, requested=False)
     assert len(left) == 1
     assert mass.name in notes[0]
     assert stiffness.name in notes[0]
-    with pytest.raises(UndeterminedError, match="only together, not each"):
-        identified(information, [mass, stiffness], 1.0, asked=True)
+    with pytest.raises(UndeterminedError, match="only in combination"):
+        identifiable(information, [mass, stiffness], 1.0, requested=True)
 
 
 def test_marginal_information_is_the_inverse_of_the_joint_covariance() -> None:
     root = np.random.default_rng(1).standard_normal((5, 5))
     whole, precision = root @ root.T, np.array([0.0, 0.0, 1.0, 2.0, 3.0])
     joint = np.linalg.inv(whole + np.diag(precision))
-    assert np.linalg.inv(marginal(whole, precision, 2)) == pytest.approx(joint[:2, :2])
+    assert np.linalg.inv(marginal_information(whole, precision, 2)) == pytest.approx(joint[:2, :2])
 
 
 def test_low_pass_of_the_fastest_band_is_that_of_the_model() -> None:

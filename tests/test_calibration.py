@@ -44,12 +44,12 @@ def test_wrong_suspension_and_origin_are_brought_back(made: tuple[xr.Dataset, xr
     np.testing.assert_allclose(np.diag(found.correlation), 1.0)
 
 
-def test_only_ratios_of_masses_and_stiffnesses_are_told_on_a_rigid_path(
+def test_rigid_path_determines_only_ratios_of_masses_and_stiffnesses(
     made: tuple[xr.Dataset, xr.Dataset],
 ) -> None:
     scale = ["body mass", "body pitch inertia", "bogie mass", "bogie pitch inertia"]
     springs = ["primary stiffness", "primary damping", "secondary stiffness", "secondary damping"]
-    with pytest.raises(UndeterminedError, match=r"'body mass'.* only together"):
+    with pytest.raises(UndeterminedError, match=r"'body mass'.* only in combination"):
         calibrate(made[0], VELARO, made[1], parameters=[*scale, *springs])
 
 

@@ -153,7 +153,9 @@ def test_one_sensor_at_varying_speed_determines_what_its_information_says(name: 
         )
         start = wrong_by_30_percent(seed)
         found.append(
-            calibrate(recording, start, track=ZHAI, prior=FRA_5, parameters=SOUGHT, anyway=True)
+            calibrate(
+                recording, start, track=ZHAI, prior=FRA_5, parameters=SOUGHT, keep_undetermined=True
+            )
         )
     said = np.array([[one.standard_error / one.value for one in each.estimates] for each in found])
     errors = np.array([[np.log1p(error) for error in off(each).values()] for each in found])

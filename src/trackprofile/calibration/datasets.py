@@ -1,4 +1,4 @@
-"""The recordings that a calibration learns from, each with the profile under it where that is known."""
+"""Recordings of a calibration, each with the reference profile where it covers the recording."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from trackprofile.models.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 STRETCH = 500.0
-"""m into which long recordings are cut."""
+"""Length of the stretches that long recordings are cut into, m."""
 
-ENOUGH = 2500.0
-"""m of stretches without a known profile, beyond which more tell little more."""
+MAX_LENGTH = 2500.0
+"""Total length of stretches without a known profile, m; more adds little information."""
 
-SLOWEST = 3.0
-"""m/s: below, accelerations drown in the drift of any sensor."""
+MIN_SPEED = 3.0
+"""Minimum speed of a stretch, m/s: below it accelerations are smaller than the drift of any sensor."""
 
 
 def calibration_runs(
@@ -38,12 +38,12 @@ def calibration_runs(
     vehicle: Vehicle,
     installation: Installation,
 ) -> tuple[list[RunData], list[str]]:
-    """Each recording with the reference where it covers it, and sentences on those that it does not.
+    """Each recording with the reference where it covers it, and a sentence for each recording that it does not.
 
     Raises
     ------
     DataError
-        Where the recordings have other sensors than the first, or the reference covers none of them.
+        Where the recordings differ in their sensors, or the reference covers none of them.
     """
     for one in recordings:
         expect_as_described(one, "a calibration")
@@ -55,25 +55,25 @@ def calibration_runs(
         _expect_same_sensors(data[0], one, i)
     notes = [
         f"recording {i}: {one}" if len(data) > 1 else one
-        for i, those in enumerate(data, start=1)
-        for one in describe_observations(those)
+        for i, each in enumerate(data, start=1)
+        for one in describe_observations(each)
     ]
     if reference is None:
         return [RunData(one, number=i) for i, one in enumerate(data, start=1)], notes
-    known, passes = KnownProfile.from_reference(reference), list[RunData]()
+    known, runs = KnownProfile.from_reference(reference), list[RunData]()
     for i, one in enumerate(data, start=1):
         try:
-            passes.append(RunData(known.covered(one, vehicle, installation.origin), known, i))
+            runs.append(RunData(known.covered(one, vehicle, installation.origin), known, i))
         except DataError as error:
             if len(data) == 1:
                 raise
-            passes.append(RunData(one, number=i))
+            runs.append(RunData(one, number=i))
             notes.append(f"recording {i} is used without the reference: {error}")
-    if all(one.known is None for one in passes):
+    if all(one.known is None for one in runs):
         raise DataError(
             f"The reference covers none of the {len(data)} recordings; leave it out, or choose another. {notes[-1]}"
         )
-    return passes, notes
+    return runs, notes
 
 
 def _expect_same_sensors(first: Observations, other: Observations, number: int) -> None:
@@ -81,37 +81,42 @@ def _expect_same_sensors(first: Observations, other: Observations, number: int) 
     if names != others:
         raise DataError(
             f"Recording {number} has the channels {', '.join(others)}, the first {', '.join(names)}: recordings "
-            "that are calibrated together come from the same sensors; calibrate them apart."
+            "that are calibrated together must have the same sensors; calibrate them separately."
         )
 
 
 def most_informative(
-    passes: Sequence[RunData], most: float = ENOUGH
+    runs: Sequence[RunData], max_length: float = MAX_LENGTH
 ) -> tuple[list[RunData], list[str]]:
-    """Those with a known profile, and of the others the stretches that tell most, and a sentence if any is left out.
+    """Runs with a known profile, and the most informative stretches of the others; a sentence if any is left out.
 
-    A stretch tells by its waves and its speed: of each quarter of the speeds the loudest stretches are taken in turn.
+    A stretch is informative by its signal level and its speed: from each quarter of the speeds the stretches with the
+    largest signals are taken in turn.
+
+    Parameters
+    ----------
+    max_length : total length of stretches without a known profile, m
     """
-    fixed = [one for one in passes if one.known]
-    others = [one for one in passes if one.known is None]
+    fixed = [one for one in runs if one.known]
+    others = [one for one in runs if one.known is None]
     total = sum(one.length for one in others)
-    if total <= most:
+    if total <= max_length:
         return [*fixed, *others], []
-    pieces = [piece for one in others for piece in _stretches(one) if _speed(piece) > SLOWEST]
+    pieces = [piece for one in others for piece in _stretches(one) if _speed(piece) > MIN_SPEED]
     pieces.sort(key=_speed)
-    quarters = [sorted(part, key=_loudness) for part in _split(pieces, 4)]
+    quarters = [sorted(part, key=_signal_level) for part in _split(pieces, 4)]
     in_turn = [one for each in zip_longest(*map(reversed, quarters)) for one in each if one]
-    chosen = in_turn[: round(most / STRETCH)]
-    note = f"{sum(one.length for one in chosen):.0f} m of {total:.0f} m were used: those that tell most"
-    return [*fixed, *chosen], [note]
+    selected = in_turn[: round(max_length / STRETCH)]
+    note = f"{sum(one.length for one in selected):.0f} m of {total:.0f} m were used: the most informative stretches"
+    return [*fixed, *selected], [note]
 
 
-def shortened(passes: Sequence[RunData], most: float) -> list[RunData]:
-    """A piece of each pass, together ``most`` m: enough to come near the maximum fast."""
-    share = most / sum(one.length for one in passes)
+def shortened(runs: Sequence[RunData], length: float) -> list[RunData]:
+    """The middle part of each run, together ``length`` m: enough to approach the maximum quickly."""
+    share = length / sum(one.length for one in runs)
     if share >= 0.7:
-        return list(passes)
-    return [_middle(one, share * one.length) for one in passes]
+        return list(runs)
+    return [_middle(one, share * one.length) for one in runs]
 
 
 def _middle(one: RunData, length: float) -> RunData:
@@ -136,7 +141,7 @@ def _speed(one: RunData) -> float:
     return float(np.median(one.data.motion.speed))
 
 
-def _loudness(one: RunData) -> float:
+def _signal_level(one: RunData) -> float:
     return float(np.sum(np.std(one.data.signals, axis=0)))
 
 

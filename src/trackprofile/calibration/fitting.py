@@ -1,4 +1,4 @@
-"""The stages of a calibration: vehicle and places first, then the noise that is left."""
+"""Stages of a calibration: vehicle and positions first, then the noise."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from trackprofile.calibration.datasets import shortened
-from trackprofile.calibration.identifiability import LITTLE, NOTHING, identified, marginal
+from trackprofile.calibration.identifiability import (
+    NEGLIGIBLE,
+    WEAK,
+    identifiable,
+    marginal_information,
+)
 from trackprofile.inference.marginal_likelihood import RunData, pooled_innovations, row_counts
 from trackprofile.inference.maximum_likelihood import (
     Maximum,
@@ -31,237 +36,256 @@ from trackprofile.inference.problem import Model
 
 Array = NDArray[np.float64]
 
-SHORT = 300.0
-"""m on which the search comes near the maximum before it takes all that was recorded."""
+SHORT_LENGTH = 300.0
+"""Length on which the search approaches the maximum before it uses all recordings, m."""
 
 STARTS = 2
-"""Random starts beside the given one."""
+"""Random starts in addition to the given one."""
 
 SCATTER = 0.5
-"""Of the prior's standard deviation, by which they are scattered."""
+"""Scatter of the random starts, in standard deviations of the prior."""
 
-COARSE = 0.1
-"""Units of log-likelihood: what a step on a short piece must promise, to be made."""
+COARSE_TOLERANCE = 0.1
+"""Tolerance of the search on a short piece, units of log-likelihood."""
 
-SAME_PEAK = 5.0
-"""Standard errors within which two maxima are one."""
+SAME_MAXIMUM = 5.0
+"""Distance within which two maxima are the same, standard errors."""
 
-SHOWN = 0.5
-"""Standard deviation of the logarithm of a noise that a data sheet states, or the signal's spectrum shows."""
+NOISE_STD = 0.5
+"""Standard deviation of the logarithm of a noise density from a data sheet or from the signal's spectrum."""
 
-DIFFERENT = 0.15
-"""Of a parameter, by which passes of one vehicle do not differ."""
+MIN_DIFFERENCE = 0.15
+"""Relative difference of a parameter between runs from which they may be of different vehicles."""
 
-DISTINCT = 6.0
-"""Standard errors by which two passes are told apart, beyond what a model that is not exact makes of them."""
+MIN_SIGNIFICANCE = 6.0
+"""Standard errors of that difference: an inexact model causes smaller ones."""
 
-FIRST_MOVE = 0.5
-"""Of each logarithm of a noise, with which its search begins."""
+FIRST_STEP = 0.5
+"""First step of the search in the logarithm of each noise density."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to passes.
+    """A model fitted to runs.
 
     Parameters
     ----------
-    passes : that it was fitted to
+    runs : that it was fitted to
     model : at the maximum
-    free : the parameters that were sought, the first of the maximum's
-    every : those of the maximum: beside them the noise, and the level of an unknown profile
-    found : the maximum
+    free : the estimated parameters, the first of the maximum's
+    every : all parameters of the maximum: ``free``, the noise, and the level of an unknown profile
+    maximum : of the posterior
     """
 
-    passes: list[RunData]
+    runs: list[RunData]
     model: Model
     free: list[ModelParameter]
     every: list[ModelParameter]
-    found: Maximum
+    maximum: Maximum
 
 
-def fit_mechanics(
-    passes: Sequence[RunData], centre: Model, free: list[ModelParameter], *, asked: bool, anyway: bool,
-    notes: list[str], progress: Progress,
-) -> Fit:  # fmt: skip
-    """Fit vehicle and places together with white noise; hold what the data do not tell, and fit the rest again.
+@dataclass(frozen=True)
+class FitRequest:
+    """Which parameters a calibration estimates.
 
     Parameters
     ----------
-    centre : the model where the priors are, and the search begins
-    asked : whether the parameters were named one by one, so that holding one is refused
-    anyway : whether to keep what the data tell less than the prior
-    notes : gain a sentence for each that is held
+    free : the parameters
+    by_name : whether the user named them: then holding one is an error
+    keep_undetermined : estimate also parameters on which the data have less information than the prior
     """
-    if not anyway:
-        free = _told_at_all(passes, centre, free, asked, notes)
-    start = _best_start(passes, centre, free, notes, progress)
+
+    free: list[ModelParameter]
+    by_name: bool = False
+    keep_undetermined: bool = False
+
+
+def fit_mechanics(
+    runs: Sequence[RunData],
+    centre: Model,
+    request: FitRequest,
+    notes: list[str],
+    progress: Progress,
+) -> Fit:
+    """Fit vehicle and positions together with white noise; hold undetermined parameters, and fit the rest again.
+
+    Parameters
+    ----------
+    centre : the model about which the priors stand, and where the search starts
+    request : the parameters
+    notes : receives a sentence for each parameter that is held
+    """
+    free = request.free
+    if not request.keep_undetermined:
+        free = _remove_negligible(runs, centre, request, notes)
+    start = _best_start(runs, centre, free, notes, progress)
     while True:
-        fit = fit_parameters(passes, centre, start, free, progress)
-        if anyway:
+        fit = fit_parameters(runs, centre, start, free, progress)
+        if request.keep_undetermined:
             return fit
-        count, precision = len(free), fit.found.precision
-        information = marginal(fit.found.slopes.information, precision, count)
-        left, said = identified(information, free, LITTLE, asked=asked)
-        if len(left) == count:
+        count, precision = len(free), fit.maximum.precision
+        information = marginal_information(fit.maximum.slopes.information, precision, count)
+        remaining, held = identifiable(information, free, WEAK, requested=request.by_name)
+        if len(remaining) == count:
             return fit
-        notes.extend(said)
-        lost = [one for one in free if one not in left]
-        start, free = with_values(fit.model, lost, values_of(centre, lost)), left
+        notes.extend(held)
+        removed = [one for one in free if one not in remaining]
+        start, free = with_values(fit.model, removed, values_of(centre, removed)), remaining
 
 
 def fit_parameters(
-    passes: Sequence[RunData], centre: Model, start: Model, free: list[ModelParameter], progress: Progress,
-    enough: float = 1e-3,
+    runs: Sequence[RunData], centre: Model, start: Model, free: list[ModelParameter], progress: Progress,
+    tolerance: float = 1e-3,
 ) -> Fit:  # fmt: skip
-    """The maximum over ``free``, the noise, and the level where the profile is unknown."""
-    every = [*free, *nuisances(passes, centre)]
+    """Maximum of the posterior over ``free``, the noise, and the prior level where the profile is unknown."""
+    every = [*free, *nuisance_parameters(runs, centre)]
     precision = np.array([one.standard_deviation**-2 for one in every])
 
-    pooled = pooled_innovations(passes)
-    found = maximise(
+    pooled = pooled_innovations(runs)
+    maximum = maximise(
         lambda at: pooled(with_values(start, every, at)), values_of(start, every), values_of(centre, every), precision,
-        lambda share: progress("fitting the vehicle", share), enough,
+        lambda share: progress("fitting the vehicle", share), tolerance,
     )  # fmt: skip
-    return Fit(list(passes), with_values(start, every, found.parameters), free, every, found)
+    return Fit(list(runs), with_values(start, every, maximum.parameters), free, every, maximum)
 
 
-def nuisances(passes: Sequence[RunData], centre: Model) -> list[ModelParameter]:
-    """The noise, and the prior's level where a profile is unknown."""
+def nuisance_parameters(runs: Sequence[RunData], centre: Model) -> list[ModelParameter]:
+    """Noise densities, and the prior's level where a profile is unknown."""
     noise = noise_parameters(replace(centre, unmodelled=0.0)) + residual_parameters(centre)
-    if all(one.known for one in passes):
+    if all(one.known for one in runs):
         return noise
-    return [replace(one, standard_deviation=SHOWN) for one in noise] + prior_parameters(centre)
+    return [replace(one, standard_deviation=NOISE_STD) for one in noise] + prior_parameters(centre)
 
 
-def _told_at_all(
-    passes: Sequence[RunData],
-    start: Model,
-    free: list[ModelParameter],
-    asked: bool,
-    notes: list[str],
+def _remove_negligible(
+    runs: Sequence[RunData], start: Model, request: FitRequest, notes: list[str]
 ) -> list[ModelParameter]:
-    """Without what no fit could tell, whatever the values."""
-    some = passes if any(one.known for one in passes) else shortened(passes, SHORT)
-    every = [*free, *nuisances(passes, start)]
+    """The requested parameters without those that the data do not determine at any value."""
+    free = request.free
+    some = runs if any(one.known for one in runs) else shortened(runs, SHORT_LENGTH)
+    every = [*free, *nuisance_parameters(runs, start)]
     at = values_of(start, every)
     pooled = pooled_innovations(some)
     information = slopes(lambda at: pooled(with_values(start, every, at)), at).information
     precision = np.array([one.standard_deviation**-2 for one in every])
-    left, said = identified(marginal(information, precision, len(free)), free, NOTHING, asked=asked)
-    notes.extend(said)
-    return left
+    information = marginal_information(information, precision, len(free))
+    remaining, held = identifiable(information, free, NEGLIGIBLE, requested=request.by_name)
+    notes.extend(held)
+    return remaining
 
 
 def _best_start(
-    passes: Sequence[RunData], centre: Model, free: list[ModelParameter], notes: list[str], progress: Progress
+    runs: Sequence[RunData], centre: Model, free: list[ModelParameter], notes: list[str], progress: Progress
 ) -> Model:  # fmt: skip
-    """Near the highest of the maxima that several starts lead to on a short piece.
+    """The best of the maxima that several starts reach on a short piece.
 
-    Over a known profile the signals are reproduced by least squares, which has one minimum near any usable start.
+    Over a known profile the fit is a least-squares problem with one minimum near any usable start: no search is needed.
     """
-    if any(one.known for one in passes):
+    if any(one.known for one in runs):
         return centre
-    some = shortened(passes, SHORT)
+    some = shortened(runs, SHORT_LENGTH)
     generator = np.random.default_rng(0)
     scatter = SCATTER * np.array([one.standard_deviation for one in free])
     starts = [values_of(centre, free)]
     starts += [starts[0] + scatter * generator.standard_normal(len(free)) for _ in range(STARTS)]
     fits = [
-        fit_parameters(some, centre, with_values(centre, free, at), free, progress, COARSE)
+        fit_parameters(
+            some, centre, with_values(centre, free, at), free, progress, COARSE_TOLERANCE
+        )
         for at in starts
     ]
-    heights = [height(fit, centre) for fit in fits]
-    best = int(np.argmax(heights))
-    notes.extend(_other_peaks(fits, heights, best))
+    posteriors = [log_posterior(fit, centre) for fit in fits]
+    best = int(np.argmax(posteriors))
+    notes.extend(_other_maxima(fits, posteriors, best))
     return fits[best].model
 
 
-def height(fit: Fit, centre: Model) -> float:
-    """Log-posterior of a fit, but for a constant."""
-    off = fit.found.parameters - values_of(centre, fit.every)
-    prior = -0.5 * float(np.sum(fit.found.precision * off**2))
-    return fit.found.slopes.log_likelihood + prior
+def log_posterior(fit: Fit, centre: Model) -> float:
+    """Log-posterior of a fit up to a constant."""
+    deviation = fit.maximum.parameters - values_of(centre, fit.every)
+    prior = -0.5 * float(np.sum(fit.maximum.precision * deviation**2))
+    return fit.maximum.slopes.log_likelihood + prior
 
 
-def _other_peaks(fits: Sequence[Fit], heights: Sequence[float], best: int) -> list[str]:
-    """A sentence where another start ended as high, elsewhere."""
+def _other_maxima(fits: Sequence[Fit], posteriors: Sequence[float], best: int) -> list[str]:
+    """A sentence where another start reached a different maximum of almost equal posterior."""
     count = len(fits[best].free)
-    errors = np.sqrt(np.diag(fits[best].found.covariance()))[:count]
-    for fit, reached in zip(fits, heights, strict=True):
-        apart = np.abs(fit.found.parameters - fits[best].found.parameters)[:count] / errors
-        if heights[best] - reached < 3.0 and np.max(apart) > SAME_PEAK:
-            one = fit.free[int(np.argmax(apart))]
+    errors = np.sqrt(np.diag(fits[best].maximum.covariance()))[:count]
+    for fit, reached in zip(fits, posteriors, strict=True):
+        distance = np.abs(fit.maximum.parameters - fits[best].maximum.parameters)[:count] / errors
+        if posteriors[best] - reached < 3.0 and np.max(distance) > SAME_MAXIMUM:
+            one = fit.free[int(np.argmax(distance))]
             values = one.get(fits[best].model), one.get(fit.model)
             return [
-                f"the likelihood has several peaks, of which {one.name} = {values[0]:.4g} {one.unit} was taken and "
-                f"{values[1]:.4g} is almost as likely: hold a parameter, or add recordings at other speeds"
+                f"the likelihood has several maxima: {one.name} = {values[0]:.4g} {one.unit} was chosen, and "
+                f"{values[1]:.4g} is almost as likely; hold a parameter, or add recordings at other speeds"
             ]
     return []
 
 
 def disagreement(fit: Fit) -> list[str]:
-    """A sentence for the pass that would have a parameter elsewhere: another vehicle, or another load.
+    """A sentence for the run whose own estimate of a parameter differs most: another vehicle, or another load.
 
-    One scoring step from the common maximum, by the pass alone: δ = (I_k + Λ)⁻¹ g_k.
+    One scoring step from the common maximum with the run's data alone: δ = (I_k + Λ)⁻¹ g_k.
     """
-    passes = fit.passes
-    if len(passes) < 2:
+    runs = fit.runs
+    if len(runs) < 2:
         return []
-    sizes = row_counts(passes)
+    sizes = row_counts(runs)
     cuts = np.cumsum(sizes)[:-1]
-    prior = np.diag(fit.found.precision)
-    worst, said = 0.0, []
-    for k, scores in enumerate(np.split(fit.found.slopes.scores, cuts, axis=1)):
-        information = fit.found.slopes.information * sizes[k] / sum(sizes)
-        spread = np.linalg.inv(information + prior)
-        step = spread @ np.sum(scores, axis=1)
-        robust = np.sqrt(np.diag(spread @ (scores @ scores.T + prior) @ spread))
-        sure = np.abs(step) / robust
+    prior = np.diag(fit.maximum.precision)
+    worst, notes = 0.0, []
+    for k, scores in enumerate(np.split(fit.maximum.slopes.scores, cuts, axis=1)):
+        information = fit.maximum.slopes.information * sizes[k] / sum(sizes)
+        covariance = np.linalg.inv(information + prior)
+        step = covariance @ np.sum(scores, axis=1)
+        robust = np.sqrt(np.diag(covariance @ (scores @ scores.T + prior) @ covariance))
+        significance = np.abs(step) / robust
         for i, one in enumerate(fit.free):
-            far = abs(step[i]) > DIFFERENT if one.positive else False
-            if far and sure[i] > max(worst, DISTINCT):
-                worst = float(sure[i])
+            differs = one.positive and abs(step[i]) > MIN_DIFFERENCE
+            if differs and significance[i] > max(worst, MIN_SIGNIFICANCE):
+                worst = float(significance[i])
                 value = one.get(fit.model)
-                said = [
-                    f"recording {passes[k].number} would have {one.name} near {value * np.exp(step[i]):.3g} "
-                    f"{one.unit} and all together {value:.3g}: another vehicle or load? Calibrate it apart"
+                notes = [
+                    f"recording {runs[k].number} alone gives {one.name} = {value * np.exp(step[i]):.3g} "
+                    f"{one.unit}, all recordings {value:.3g}: calibrate it separately if its vehicle or load differs"
                 ]
-    return said
+    return notes
 
 
-def fit_noise(passes: Sequence[RunData], model: Model, progress: Progress) -> Model:
-    """The noise under which the known profiles are most probable, given the signals.
+def fit_noise(runs: Sequence[RunData], model: Model, progress: Progress) -> Model:
+    """The noise under which the known profiles are most probable given the signals.
 
-    log p(r|y) = log p(y|r) - log p(y) + log p(r), of which the last does not depend on the noise. Unlike
-    p(y|r) alone, the difference is not swayed by what in the signals tells nothing of the track.
+    log p(r|y) = log p(y|r) - log p(y) + log p(r), of which the last term does not depend on the noise. Unlike p(y|r)
+    alone, the difference is not affected by parts of the signals that are independent of the track.
     """
-    given = [one for one in passes if one.known]
-    free = [RunData(one.data) for one in given]
-    spectrum = next(one.known.spectrum for one in given if one.known)
+    known = [one for one in runs if one.known]
+    unknown = [RunData(one.data) for one in known]
+    spectrum = next(one.known.spectrum for one in known if one.known)
     noise = noise_parameters(model)
     centre = values_of(model, noise)
     precision = np.array([one.standard_deviation**-2 for one in noise])
 
-    with_reference, without = pooled_innovations(given), pooled_innovations(free)
+    with_reference, without = pooled_innovations(known), pooled_innovations(unknown)
 
-    def improbability(at: Array) -> float:
+    def negative_log_posterior(at: Array) -> float:
         trial = replace(with_values(model, noise, at), spectrum=spectrum)
-        sure = log_likelihood(*with_reference(trial))
-        unsure = log_likelihood(*without(trial))
-        return unsure - sure + 0.5 * float(np.sum(precision * (at - centre) ** 2))
+        conditional = log_likelihood(*with_reference(trial))
+        marginal = log_likelihood(*without(trial))
+        return marginal - conditional + 0.5 * float(np.sum(precision * (at - centre) ** 2))
 
     progress("fitting the noise", 0.0)
-    simplex = np.vstack([centre, centre + FIRST_MOVE * np.eye(len(centre))])
-    found = minimize(
-        improbability, centre, method="Nelder-Mead",
+    simplex = np.vstack([centre, centre + FIRST_STEP * np.eye(len(centre))])
+    minimum = minimize(
+        negative_log_posterior, centre, method="Nelder-Mead",
         options={"xatol": 0.05, "fatol": 0.3, "initial_simplex": simplex},
     )  # fmt: skip
     progress("fitting the noise", 1.0)
-    return with_values(model, noise, found.x)
+    return with_values(model, noise, minimum.x)
 
 
-def best_fit(passes: Sequence[RunData], trials: Sequence[Model]) -> Model:
-    """The most likely of some models."""
-    pooled = pooled_innovations(passes)
-    heights: list[float] = [log_likelihood(*pooled(trial)) for trial in trials]
-    return trials[int(np.argmax(heights))]
+def most_likely(runs: Sequence[RunData], models: Sequence[Model]) -> Model:
+    """The most likely of several models."""
+    pooled = pooled_innovations(runs)
+    likelihoods = [log_likelihood(*pooled(model)) for model in models]
+    return models[int(np.argmax(likelihoods))]

@@ -1,4 +1,4 @@
-"""How sharply data single out each parameter: the posterior along its profile."""
+"""Likelihood profiles: the posterior along each fitted parameter."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from trackprofile.inference.problem import Model
 Array = NDArray[np.float64]
 
 STEPS = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
-"""Standard errors from the maximum, at which the likelihood is looked at."""
+"""Distances from the maximum at which the likelihood is evaluated, standard errors."""
 
 
 @dataclass(frozen=True)
 class LikelihoodProfile:
-    """What each value of one parameter loses against the best, the others being as fits it best.
+    """Loss of log-posterior along one parameter, with the others at their conditional optimum.
 
     Parameters
     ----------
     name, unit : of the parameter
     values : (n,), in ``unit``
-    loss : (n,), log-posterior less its maximum
-    expected : (n,), what a Gaussian of the stated standard error would lose
-    prior : (n,), log-prior less its own maximum
+    loss : (n,), log-posterior minus its maximum
+    expected : (n,), the same of a Gaussian with the stated standard error
+    prior : (n,), log-prior minus its maximum
     """
 
     name: str
@@ -41,37 +41,36 @@ class LikelihoodProfile:
 
 
 def likelihood_profiles(fit: Fit, centre: Model) -> tuple[LikelihoodProfile, ...]:
-    """The log-posterior through the maximum, along each parameter that was fitted.
+    """The log-posterior through the maximum, along each fitted parameter.
 
-    The others follow as the information says they would: θ(δ) = θ̂ + δ C_i / C_ii, with C the inverse of
-    information and prior precision together. For a Gaussian posterior that is the profile likelihood; elsewhere the
-    curve drawn lies below it, never above.
+    The others follow linearly: θ(δ) = θ̂ + δ C_i / C_ii, with C the inverse of the sum of information and prior
+    precision. For a Gaussian posterior this is the profile likelihood; otherwise the curve lies below it.
 
     Parameters
     ----------
     fit : a maximum
-    centre : the model where the priors are
+    centre : the model about which the priors stand
     """
-    at, mean = fit.found.parameters, values_of(centre, fit.every)
-    C, pooled = fit.found.covariance(), pooled_innovations(fit.passes)
+    at, mean = fit.maximum.parameters, values_of(centre, fit.every)
+    C, pooled = fit.maximum.covariance(), pooled_innovations(fit.runs)
 
     def height(at: Array) -> float:
         likelihood = log_likelihood(*pooled(with_values(fit.model, fit.every, at)))
-        return likelihood - 0.5 * float(np.sum(fit.found.precision * (at - mean) ** 2))
+        return likelihood - 0.5 * float(np.sum(fit.maximum.precision * (at - mean) ** 2))
 
     top, profiles = height(at), []
     for i, one in enumerate(fit.free):
         error = np.sqrt(C[i, i])
         heights = np.array([height(at + step * C[:, i] / error) for step in STEPS])
-        moved = at[i] + STEPS * error
+        values = at[i] + STEPS * error
         profiles.append(
             LikelihoodProfile(
                 one.name,
                 one.unit,
-                np.exp(moved) if one.positive else moved,
+                np.exp(values) if one.positive else values,
                 heights - top,
                 -0.5 * STEPS**2,
-                -0.5 * ((moved - mean[i]) / one.standard_deviation) ** 2,
+                -0.5 * ((values - mean[i]) / one.standard_deviation) ** 2,
             )
         )
     return tuple(profiles)

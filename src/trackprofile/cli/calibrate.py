@@ -70,7 +70,7 @@ def calibrate(
     with show.progress_bars() as progress:
         found = fit(
             measured, car, known, installation=installation, track=support, prior=spectrum,
-            parameters=parameter, anyway=anyway, progress=progress,
+            parameters=parameter, keep_undetermined=anyway, progress=progress,
         )  # fmt: skip
     result = found.as_dict()
     origin = {

@@ -32,7 +32,7 @@ def draw(calibration: Calibration) -> Figure:
     for axes, profile in zip(_panels(above, rows[0], len(profiles)), profiles, strict=True):
         _draw_profile(axes, profile)
     for axes, sensor, part in zip(
-        _panels(below, rows[1], len(sensors)), sensors, calibration.explained, strict=True
+        _panels(below, rows[1], len(sensors)), sensors, calibration.spectral_fits, strict=True
     ):
         _draw_spectrum(axes, sensor, part)
     return figure
