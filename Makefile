@@ -3,7 +3,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: help set-up demo test lint types unit-test docs docs-build docs-examples bench acceptance lock clean
+NPM := $(shell command -v npm 2> /dev/null)
+ESLINT := node_modules/.package-lock.json
+
+.PHONY: help set-up demo test lint lint-js test-js types unit-test docs docs-build docs-examples bench acceptance lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1: /p' Makefile
@@ -18,6 +21,17 @@ test: lint types unit-test ## check style and types, run all tests except the ac
 lint: $(READY) ## check style and format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+ifdef NPM
+lint-js: $(ESLINT) ## check the style of the scripts of web viewer and report (needs Node.js)
+	npm run --silent lint
+
+test-js: ## test the functions of these scripts (needs Node.js)
+	npm test --silent
+else
+lint-js test-js:
+	@echo "SKIPPED: make $@ needs Node.js 20 or newer, which is not installed"
+endif
 
 types: $(READY) ## check types
 	$(BIN)/pyright
@@ -44,8 +58,12 @@ lock: $(READY) ## update requirements.lock to the newest versions (needs uv: htt
 	uv pip compile --quiet --universal --generate-hashes --upgrade --no-annotate --python-version 3.11 --extra dev \
 		--extra docs --extra mdf --extra network --extra plot --extra tdms --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
 
+$(ESLINT): package.json package-lock.json
+	npm ci --silent --no-audit --no-fund
+	@touch $@
+
 clean: ## remove the files that these targets create
-	rm -rf .venv demo dist docs/_build .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf .venv demo dist node_modules docs/_build .pytest_cache .ruff_cache .hypothesis .benchmarks
 
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("trackprofile needs \
