@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from trackprofile.arrays import recorded_step
 from trackprofile.errors import DataError
 from trackprofile.preprocessing.motion import (
-    deviation_of_counting,
+    dead_reckoning_std,
     motion,
     speed_over_distance,
     speed_over_time,
@@ -91,7 +91,7 @@ def test_how_far_a_distance_counted_from_whole_km_h_is_off_is_said(renewed: int)
         time, speed = wandering(seed)
         steps = np.round(3.6 * speed[np.arange(len(time)) // renewed * renewed]) / 3.6
         error = 0.02 * np.cumsum(speed_over_time(steps, time) - speed)
-        deviation = deviation_of_counting(steps, time)
+        deviation = dead_reckoning_std(steps, time)
         assert deviation is not None
         inside.append(np.abs(error[500:]) < 1.96 * deviation[500:])
         errors.append(error)
@@ -103,7 +103,7 @@ def test_how_far_a_distance_counted_from_whole_km_h_is_off_is_said(renewed: int)
 def test_while_a_train_stands_its_place_does_not_become_less_known() -> None:
     time = np.arange(0.0, 100.0, 0.1)
     speed = np.round(3.6 * np.clip(np.abs(time - 50.0) - 20.0, 0.0, 10.0)) / 3.6
-    deviation = deviation_of_counting(speed, time)
+    deviation = dead_reckoning_std(speed, time)
     assert deviation is not None
     standing = np.abs(time - 50.0) < 19.0
     assert np.ptp(deviation[standing]) == 0.0
@@ -112,7 +112,7 @@ def test_while_a_train_stands_its_place_does_not_become_less_known() -> None:
 
 def test_of_a_continuous_speed_nothing_is_said() -> None:
     time, _, speed = run()
-    assert deviation_of_counting(speed, time) is None
+    assert dead_reckoning_std(speed, time) is None
 
 
 def test_continuous_speed_is_left_as_it_is() -> None:

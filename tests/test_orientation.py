@@ -75,7 +75,7 @@ def test_vehicle_that_runs_the_other_way_round_is_told_by_three_sensors(vehicle:
     found, car = faced(recording, vehicle)
     assert found.turned
     assert car == reversed_vehicle(vehicle)
-    assert [fault.kind for fault in found.faults] == [FaultKind.TURNED]
+    assert [fault.kind for fault in found.faults] == [FaultKind.REVERSED]
     assert "its last wheel leads" in found.notes[0]
     assert "is turned" not in found.notes[0]
 

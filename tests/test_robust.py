@@ -154,7 +154,7 @@ def test_noise_that_grows_for_a_while_is_not_taken_for_track(case: Case) -> None
 
     found = found_in(with_acceleration(case.recording, noisy))
     check_as_good_as_clean(case, found, {"D1": 10.0})
-    told = [one for one in found.faults if one.kind is FaultKind.LOUD]
+    told = [one for one in found.faults if one.kind is FaultKind.NOISY]
     covered = sum(one.last - one.first + 1 for one in told)
     assert covered > 0.8 * (loud.stop - loud.start)
     at = found.profile["distance"].to_numpy()

@@ -53,9 +53,9 @@ def locate_recording(recording: UnlocatedRecording) -> xr.Dataset:
     return recording.located(
         distance=estimate.distance,
         speed=estimate.speed,
-        distance_deviation=estimate.deviation,
-        wheel_scale=estimate.scale,
-        faults=estimate.doubted,
+        distance_deviation=estimate.standard_deviation,
+        wheel_scale=estimate.wheel_scale,
+        faults=estimate.clock_fault,
         direction=estimate.direction,
         notes=estimate.notes,
     )

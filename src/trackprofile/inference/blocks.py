@@ -266,8 +266,8 @@ def _smoothed(
 def _posterior_errors(robust: RobustResult, settings: BlockSettings, block: Block) -> Array:
     """Samples of the posterior's error, (knots, samples) in m."""
     generator = np.random.default_rng([settings.seed, block.number])
-    profiles, simulated = prior_draws(robust.prepared, settings.samples, generator)
-    return profiles - smooth(robust.prepared, simulated).elevation
+    profiles, simulated = prior_draws(robust.gains, settings.samples, generator)
+    return profiles - smooth(robust.gains, simulated).elevation
 
 
 def _local_rms(samples: Array, spacing: float, band: Band) -> Array:
@@ -280,7 +280,7 @@ def _unexplained(
     data: Observations, problem: SmoothingProblem, robust: RobustResult
 ) -> NDArray[np.bool_]:
     """Samples near which the model does not explain the signals, whatever weight they were given."""
-    gains, smoothed = robust.prepared, robust.smoothed
+    gains, smoothed = robust.gains, robust.smoothed
     expected = gains.innovation_variance - gains.variance + problem.variance
     normalised = smoothed.innovation / np.sqrt(expected)
     counted = ~single_outliers(robust.weights, problem.run)
@@ -299,7 +299,7 @@ def _own_residual(
     residual = np.full(data.signals.shape, np.nan)
     residual[run.samples, run.sensors] = smoothed.residual[:, 0]
     inside = (run.samples >= own.start) & (run.samples < own.stop)
-    e, S = smoothed.innovation[inside], robust.prepared.innovation_variance[inside]
+    e, S = smoothed.innovation[inside], robust.gains.innovation_variance[inside]
     return residual[own], -0.5 * float(np.sum(np.log(2 * np.pi * S) + e**2 / S))
 
 

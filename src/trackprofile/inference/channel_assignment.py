@@ -200,7 +200,7 @@ def _reversed(data: Observations, others: list[ChannelAssignment]) -> Observatio
     note = f"the vehicle is reversed, its last wheel leads: no profile explains the signals otherwise{alternative}"
     return replace(
         turned_sensors(data),
-        faults=(*data.faults, Fault(FaultKind.TURNED, "", 0, last)),
+        faults=(*data.faults, Fault(FaultKind.REVERSED, "", 0, last)),
         notes=(*data.notes, f"{note}; state leading_end in the recording"),
     )
 

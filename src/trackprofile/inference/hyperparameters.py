@@ -87,7 +87,7 @@ def _without_outliers(piece: Observations, model: Model) -> Observations | None:
     """The observations without the samples that the robust smoother down-weights; None where there are none."""
     problem = smoothing_problem(piece, model)
     weights = smooth_robustly(problem).weights
-    outliers = (weights.own > 0.0) | (weights.louder > 1.0)
+    outliers = (weights.outlier_variance > 0.0) | (weights.variance_ratio > 1.0)
     if not outliers.any():
         return None
     valid = piece.valid.copy()

@@ -16,15 +16,15 @@ from trackprofile.models.kinematics import Motion
 from trackprofile.models.sensor import VERTICAL_ACCELERATION, Installation, Sensor
 from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.positioning.sources import PLACED
-from trackprofile.preprocessing.clock import MENDED
+from trackprofile.positioning.sources import POSITION_PREFIX
+from trackprofile.preprocessing.clock import REPAIR_PREFIX
 from trackprofile.preprocessing.fault_detectors import outlying, resolution
 from trackprofile.preprocessing.faults import (
-    LEFT_OUT,
+    EXCLUDED_KINDS,
     Fault,
     FaultKind,
     find_faults,
-    samples_of,
+    fault_mask,
 )
 from trackprofile.preprocessing.motion import motion
 from trackprofile.preprocessing.mounting import MountingCorrection, correct_mounting
@@ -114,9 +114,9 @@ def observations(recording: xr.Dataset, installation: Installation) -> Observati
     valid = np.stack([np.asarray(channel.valid, bool) for channel in parts], axis=1)
 
     def has_fault(kinds: frozenset[FaultKind]) -> Mask:
-        return np.stack([samples_of(faults, one.name, count, kinds) for one in parts], axis=1)
+        return np.stack([fault_mask(faults, one.name, count, kinds) for one in parts], axis=1)
 
-    valid &= ~has_fault(LEFT_OUT)
+    valid &= ~has_fault(EXCLUDED_KINDS)
     upright = [correct_mounting(one, good) for one, good in zip(parts, valid.T, strict=True)]
     signals = np.stack([one.values for one in upright], axis=1)
     steps = np.zeros(signals.shape, np.float32)
@@ -132,11 +132,11 @@ def observations(recording: xr.Dataset, installation: Installation) -> Observati
         has_fault(frozenset(FaultKind) - {FaultKind.SATURATED}),
         (*faults, *_mounting_faults(parts, upright, count)),
         (
-            *(step for step in provenance_steps(recording) if step.startswith((MENDED, PLACED))),
+            *(step for step in provenance_steps(recording) if step.startswith((REPAIR_PREFIX, POSITION_PREFIX))),
             *unused,
-            *(one.said for one in upright if one.said),
+            *(one.note for one in upright if one.note),
         ),
-        gain_doubt=tuple(one.doubt for one in upright),
+        gain_doubt=tuple(one.gain_std for one in upright),
         by_gravity=tuple(one.by_gravity for one in upright),
     )
 
@@ -188,7 +188,7 @@ def _usable_channels(
     """The channels with a usable sample, and a sentence for each of the others."""
     usable, notes = [], []
     for one in parts:
-        if np.any(np.asarray(one.valid, bool) & ~samples_of(faults, one.name, count, LEFT_OUT)):
+        if np.any(np.asarray(one.valid, bool) & ~fault_mask(faults, one.name, count, EXCLUDED_KINDS)):
             usable.append(one)
         else:
             kinds = sorted({str(fault.kind) for fault in faults if fault.channel == one.name})
@@ -204,8 +204,8 @@ def _mounting_faults(
     parts: Sequence[Channel], upright: Sequence[MountingCorrection], count: int
 ) -> Iterator[Fault]:
     for channel, one in zip(parts, upright, strict=True):
-        if one.said:
-            yield Fault(FaultKind.MOUNTING, channel.name, 0, count - 1, one.said)
+        if one.note:
+            yield Fault(FaultKind.MOUNTING, channel.name, 0, count - 1, one.note)
 
 
 def _sensor(channel: Channel, calibrated: Sequence[Sensor]) -> Sensor:

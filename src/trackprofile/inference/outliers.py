@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from trackprofile.arrays import runs
 from trackprofile.inference.observations import Observations
 from trackprofile.inference.problem import Model
-from trackprofile.kalman.robust import LOUDER, NoiseWeights
+from trackprofile.kalman.reweighting import NOISE_RATIO_THRESHOLD
+from trackprofile.kalman.robust import NoiseWeights
 from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.preprocessing.faults import Fault, FaultKind
 
@@ -21,7 +22,7 @@ Mask = NDArray[np.bool_]
 MAX_SPIKE_LENGTH = 2
 """Consecutive outliers up to which they are a spike of the sensor; more may come from the track, samples."""
 
-DESCRIBED_IN_NOTES = {FaultKind.MOUNTING, FaultKind.EXCHANGED, FaultKind.SIGN, FaultKind.TURNED}
+DESCRIBED_IN_NOTES = {FaultKind.MOUNTING, FaultKind.EXCHANGED, FaultKind.SIGN, FaultKind.REVERSED}
 """Kinds that have a note of their own."""
 
 MAX_LOCATIONS = 3
@@ -37,8 +38,8 @@ def outlier_faults(
         rows = run.sensors == i
         at = run.samples[rows]
         for kind, mask in (
-            (FaultKind.OUTLIER, weights.own[rows] > 0.0),
-            (FaultKind.LOUD, weights.louder[rows] > 0.8 * LOUDER),
+            (FaultKind.OUTLIER, weights.outlier_variance[rows] > 0.0),
+            (FaultKind.NOISY, weights.variance_ratio[rows] > 0.8 * NOISE_RATIO_THRESHOLD),
         ):
             faults += [
                 Fault(kind, sensor.name, int(at[one.start]), int(at[one.stop - 1]))
@@ -53,22 +54,22 @@ def _offset_faults(
 ) -> Iterator[Fault]:
     """Jumps and drift of the offset of sensor ``i``."""
     at = run.samples[run.sensors == i]
-    for bay in np.flatnonzero(weights.jumps[:, i]):
+    for bay in np.flatnonzero(weights.jump_variance[:, i]):
         row = int(np.searchsorted(run.first_row, run.first_row[bay + 1], side="left"))
         sample = int(run.samples[min(run.first_row[min(row, len(run.F))], len(run.samples) - 1)])
-        size = np.sqrt(weights.jumps[bay, i])
+        size = np.sqrt(weights.jump_variance[bay, i])
         yield Fault(FaultKind.JUMP, name, sample, sample, f"by about {size:.2g}")
-    if weights.drift[i] > 0.0:
-        rate = np.sqrt(weights.drift[i])
+    if weights.walk_variance[i] > 0.0:
+        rate = np.sqrt(weights.walk_variance[i])
         yield Fault(FaultKind.DRIFT, name, int(at[0]), int(at[-1]), f"{rate:.2g} per root second")
 
 
 def single_outliers(weights: NoiseWeights, run: DiscretisedRun) -> Mask:
     """Rows, (rows,), of outliers in groups of at most ``MAX_SPIKE_LENGTH`` consecutive samples."""
-    single = np.zeros(len(weights.own), bool)
+    single = np.zeros(len(weights.outlier_variance), bool)
     for i in range(run.offsets):
         rows = np.flatnonzero(run.sensors == i)
-        for group in runs(weights.own[rows] > 0.0):
+        for group in runs(weights.outlier_variance[rows] > 0.0):
             single[rows[group]] = group.stop - group.start <= MAX_SPIKE_LENGTH
     return single
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts.validation import DISTANCE_DEVIATION
 from trackprofile.models.sensor import Installation
-from trackprofile.preprocessing.motion import deviation_of_counting
+from trackprofile.preprocessing.motion import dead_reckoning_std
 
 Array = NDArray[np.float64]
 
@@ -67,4 +67,4 @@ def _integration_deviation(recording: xr.Dataset) -> Array | None:
     if "distance" in recording:
         return None
     speed, time = (recording[name].to_numpy().astype(np.float64) for name in ("speed", "time"))
-    return deviation_of_counting(speed, time)
+    return dead_reckoning_std(speed, time)

@@ -30,7 +30,7 @@ from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import FILTER_STATES, StateSpace, state_space
 from trackprofile.models.track import PointTrack, RigidTrack, Track
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.preprocessing.faults import GAP
+from trackprofile.preprocessing.faults import GAP_RATIO
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -234,7 +234,7 @@ def sampling_intervals(time: Array, valid: Mask) -> Array:
         return interval
     apart = np.diff(at)
     before, after = np.r_[apart[0], apart], np.r_[apart, apart[-1]]
-    gap = np.maximum(before, after) > GAP * np.minimum(before, after)
+    gap = np.maximum(before, after) > GAP_RATIO * np.minimum(before, after)
     interval[valid] = np.where(gap, np.minimum(before, after), 0.5 * (before + after))
     return interval
 

@@ -14,7 +14,7 @@ from trackprofile.inference.problem import Model, leading_wheel_motion
 from trackprofile.kalman.time_steps import DiscretisedRun
 from trackprofile.models.spectrum import Spectrum, markov_process
 from trackprofile.models.vehicle import Vehicle
-from trackprofile.preprocessing.faults import GAP
+from trackprofile.preprocessing.faults import GAP_RATIO
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -85,7 +85,7 @@ def inside_gaps(sampled: Array) -> Array:
     """
     apart = np.diff(sampled)
     gaps = (
-        np.flatnonzero(apart > max(2 * REACH, GAP * float(np.median(apart)))) if len(apart) else []
+        np.flatnonzero(apart > max(2 * REACH, GAP_RATIO * float(np.median(apart)))) if len(apart) else []
     )
     inside = [
         np.arange(sampled[k] + REACH, sampled[k + 1] - REACH + 1e-9, KNOT_SPACING) for k in gaps

@@ -21,7 +21,7 @@ from trackprofile.io.recording_document import RecordingDocument
 from trackprofile.io.recording_identity import TEXTS, file_identity
 from trackprofile.io.recording_position import has_position_sources, position_sources
 from trackprofile.io.unlocated_recording import UnlocatedRecording
-from trackprofile.preprocessing.clock import MENDED
+from trackprofile.preprocessing.clock import REPAIR_PREFIX
 
 
 def assemble_recording(
@@ -49,7 +49,7 @@ def assemble_recording(
     with table.error_location(data, columns):
         needs_time = has_position_sources(head)
         clocked = on_one_clock(read, needs_time=needs_time)
-        steps = [f"read from {data.name}", *(MENDED + note for note in clocked.notes)]
+        steps = [f"read from {data.name}", *(REPAIR_PREFIX + note for note in clocked.notes)]
         fields: dict[str, Any] = {**clocked.fields, "identity": identity}
         fields |= {text: getattr(head, text) for text in TEXTS}
         fields |= {"wheel_scale": head.wheel_scale, "leading_end": head.leading_end or ""}
@@ -57,6 +57,6 @@ def assemble_recording(
             fields["provenance"] = [*head.provenance, *steps]
             return build_recording(**fields)
         sources, notes = position_sources(description, head, raw, clocked.positions, clocked.epoch)
-        steps += [MENDED + note for note in notes]
+        steps += [REPAIR_PREFIX + note for note in notes]
     fields["provenance"] = [*head.provenance, *steps]
     return UnlocatedRecording(data, columns, sources, fields)

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from trackprofile.io import toml_document
-from trackprofile.positioning.sources import NOMINAL
+from trackprofile.positioning.sources import WHEEL_SCALE_STD
 
 Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
@@ -55,7 +55,7 @@ class Odometer(toml_document.Strict):
     incremental: bool = False
     per_revolution: PositiveFloat | None = None
     wheel_diameter: PositiveFloat | None = None
-    scale_std: PositiveFloat = NOMINAL
+    scale_std: PositiveFloat = WHEEL_SCALE_STD
     time: ColumnReference | None = None
 
 

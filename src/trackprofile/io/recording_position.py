@@ -22,13 +22,13 @@ from trackprofile.io.recording_document import (
 from trackprofile.io.recording_identity import RawTables
 from trackprofile.io.timestamps import TIMESTAMP_FORMS, timestamp_seconds
 from trackprofile.positioning.sources import (
-    NOMINAL,
+    WHEEL_SCALE_STD,
     DisplayedSpeed,
     GnssFixes,
     KilometrePosts,
     Sources,
     WheelOdometry,
-    unwrapped,
+    unwrap_counter,
 )
 from trackprofile.preprocessing.resampling import Series
 from trackprofile.units import unit_factor
@@ -162,7 +162,7 @@ def _odometry(
             return None, []
         known = np.isfinite(distance.values)
         values = distance.values[known]
-        return WheelOdometry(distance.time[known], values, recorded_step(values), NOMINAL), []
+        return WheelOdometry(distance.time[known], values, recorded_step(values), WHEEL_SCALE_STD), []
     counts = columns["odometer"]
     per_count = 1.0
     if odometer.unit == PULSES:
@@ -173,7 +173,7 @@ def _odometry(
     if odometer.incremental:
         values = np.cumsum(np.where(np.isfinite(values), values, 0.0))
     else:
-        values, resets = unwrapped(values)
+        values, resets = unwrap_counter(values)
     known = np.isfinite(values)
     step = per_count if odometer.unit == PULSES else recorded_step(values[known])
     times = "once" if resets == 1 else f"{resets} times"
@@ -188,7 +188,7 @@ def _odometry(
 def _displayed_speed(speed: Series) -> DisplayedSpeed:
     known = np.isfinite(speed.values)
     values = speed.values[known]
-    return DisplayedSpeed(speed.time[known], values, recorded_step(values), NOMINAL)
+    return DisplayedSpeed(speed.time[known], values, recorded_step(values), WHEEL_SCALE_STD)
 
 
 def _kilometre_posts(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import build_recording
 from trackprofile.io import table
-from trackprofile.positioning.sources import PLACED, Sources
+from trackprofile.positioning.sources import POSITION_PREFIX, Sources
 
 Array = NDArray[np.float64]
 
@@ -71,10 +71,10 @@ class UnlocatedRecording:
         DataError : see `validate_recording`.
         """
         fields, stated = dict(self.fields), self.fields["direction"]
-        steps = [*fields.pop("provenance"), *(PLACED + note for note in notes)]
+        steps = [*fields.pop("provenance"), *(POSITION_PREFIX + note for note in notes)]
         if direction:
             if stated in DIRECTIONS and stated != direction:
-                steps.append(f"{PLACED}the train runs {direction}, not {stated} as stated")
+                steps.append(f"{POSITION_PREFIX}the train runs {direction}, not {stated} as stated")
             if stated in {"", *DIRECTIONS}:
                 fields["direction"] = direction
         fields |= {"distance": distance, "speed": speed, "wheel_scale": wheel_scale}

@@ -1,12 +1,14 @@
-"""A smoother that keeps its head: samples, stretches and offsets that disagree with all the others count for less.
+"""Smoother of the profile that is robust against outliers, noisy stretches and offset jumps of the sensors.
 
-What each sample should be is known from all the others: y_k - ŷ_k = e_k = u_k/d_k, of variance 1/d_k = v_k + p_k, with
-v_k the sample's noise, p_k what the others leave open, u_k = (S⁻¹ y)_k and d_k = (S⁻¹)_kk (de Jong 1988). A sample
-``BEYOND`` standard deviations away is given the noise that it shows, v_k = e_k² - p_k, which is the maximum likelihood
-of that variance (Thompson 1985). A stretch whose median shows more noise than its sensor's is given that. Offsets that
-jump or drift are found likewise, by the slope of the likelihood over a jump at each place. What is not beyond is left
-as it was: good data are smoothed once, as if nothing of this existed. What a sensor shows all along beyond its noise is
-the model's error, which no weight of single samples heals: all is measured by that.
+Each iteration smooths with the present variances and adapts them to its residuals (`trackprofile.kalman.reweighting`):
+
+- A sample whose leave-one-out residual exceeds five standard deviations is given a noise variance of its own.
+- A stretch of one sensor whose median shows more noise than the sensor states is given a higher noise variance.
+- An offset whose likelihood has a significant score over a jump is allowed to jump there.
+- An offset whose scores are too large all along is given a faster random walk.
+
+Outlier-free data need one iteration and are smoothed as by :func:`trackprofile.kalman.smoother.smooth`. Residuals that
+a sensor shows all along are errors of the model, which no weight of single samples removes: they raise all thresholds.
 """
 
 from __future__ import annotations
@@ -16,6 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from trackprofile.kalman.reweighting import (
+    NOISE_RATIO_THRESHOLD,
+    OUTLIER_THRESHOLD,
+    STANDARD_DEVIATION_PER_MAD,
+    Iteration,
+    LeaveOneOutResiduals,
+    is_converged,
+    jump_statistics,
+    limited_change,
+    reweight,
+)
 from trackprofile.kalman.smoother import (
     KalmanGains,
     PosteriorVariances,
@@ -25,231 +38,328 @@ from trackprofile.kalman.smoother import (
     posterior_variances,
     smooth,
 )
-from trackprofile.kalman.time_steps import DiscretisedRun, OffsetWalk, with_offset_variance
+from trackprofile.kalman.time_steps import OffsetWalk, with_offset_variance
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BEYOND = 5.0
-"""Standard deviations: of ten million good samples six are beyond."""
-
-STRETCH = 128
+STRETCH_SAMPLES = 128
 """Samples of one sensor over which its noise is taken to be constant: enough for a median."""
 
-PIECE = 16
-"""Samples by which it is told where a loud stretch ends: at nine times less, or more, than the stretch."""
+PIECE_SAMPLES = 16
+"""Samples in which the ends of a noisy stretch are located. The median of so few scatters more than that of a stretch:
+a piece differs from its stretch where their noise variances differ by the square of `NOISE_RATIO_THRESHOLD`."""
 
-LOUDER = 3.0
-"""Times its variance that the noise of a stretch has to show before it is believed: five standard deviations of it."""
+MIN_NOISE_RATIO = 1e-9
+"""Lower limit of a noise ratio, so that it has a logarithm."""
 
-CHI_SQUARE_MEDIAN = 0.4549
-"""Of the square of a standard normal number."""
+JUMP_HYSTERESIS = 0.5
+"""Share of the detection threshold above which a jump that was detected before is kept, so that jumps do not alternate."""
 
-NORMAL_DEVIATION = 1.4826
-"""Standard deviation of normal numbers over the median of their distance from their median."""
+WALK_RATIO_THRESHOLD = 1.25
+"""Ratio of estimated to modelled variance, or its inverse, at which the random walk of an offset is adapted again."""
 
-STAYS = 0.5
-"""Times what a jump has to show to be found, so that it stays."""
+NEW_WALK_RATIO_THRESHOLD = 5.0
+"""The same for an offset whose random walk is still the stated one, times the model-error ratio of the samples."""
 
-LEAST_TOLD = 1e-9
-"""Share of the greatest precision below which nothing is told of an offset: at the very end of a ride."""
+MAX_MODEL_ERROR_RATIO = 4.0
+"""Largest noise ratio, relative to the median stretch, that counts as model error; a larger one is a sensor fault."""
 
-FASTER = 1.25
-"""Times its variance, or that part of it, that an offset's walk has to show before it is believed."""
+EXPLAINED_RATIO = 2.0
+"""Model-error ratio below which the model is taken to explain the samples."""
 
-NOTED = 5.0
-"""The same of a walk that was as usual so far, over what samples show beyond their noise."""
+MAX_WALK_CHANGE = 30.0
+"""Largest factor by which the variance of an offset's random walk changes in one iteration."""
 
-MOSTLY = 4.0
-"""Times what half of the stretches show, or less, that is taken for what the model leaves: more is a fault."""
+FREE_ITERATIONS = 4
+"""Iterations after which a noise variance falls at most to its geometric mean with the stated one: two samples of a
+burst, each explained as long as the other is not, would alternate."""
 
-EXPLAINED = 2.0
-"""Times its variance, or less, that samples show where the model explains them."""
+MAX_ITERATIONS = 20
+"""Outlier-free data need one iteration, spikes three or four, since large ones mask small ones."""
 
-BOLDEST = 30.0
-"""Times by which the variance of an offset's walk may change in one round."""
-
-FREE_ROUNDS = 4
-"""After which noise falls only by half on a logarithmic scale, so that the rounds do not go in circles."""
-
-MOST_ROUNDS = 20
-"""Good data need one; spikes three or four, because of those in the shade of others."""
-
-SETTLED = 0.2
-"""Change of the logarithm of every variance below which the rounds end."""
+TOLERANCE = 0.2
+"""Largest change of a variance's logarithm in the last iteration."""
 
 
 @dataclass(frozen=True)
 class NoiseWeights:
-    """What is believed of each sample and offset.
+    """Variances that replace the stated ones.
 
     Parameters
     ----------
-    louder : (rows,), noise variance of the stretch over that of the sensor
-    own : (rows,), noise variance of samples that have one of their own, else 0, sensor's unit squared
-    jumps : (bays, sensors), variance of each offset's jump at the end of a bay
-    drift : (sensors,), variance per s of each offset's random walk beyond the usual one
+    variance_ratio : (rows,), noise variance of the row's stretch over that of its sensor, at least 1
+    outlier_variance : (rows,), noise variance of outliers, sensor's unit squared; else 0
+    jump_variance : (bays, sensors), variance of each offset's jump at the end of a bay, sensor's unit squared
+    walk_variance : (sensors,), variance per s of each offset's random walk beyond the stated one
     """
 
-    louder: Array
-    own: Array
-    jumps: Array
-    drift: Array
+    variance_ratio: Array
+    outlier_variance: Array
+    jump_variance: Array
+    walk_variance: Array
 
     def noise(self, variance: Array) -> Array:
-        """Noise variance of each row, (rows,)."""
-        return np.where(self.own > 0.0, self.own, self.louder * variance)
+        """Noise variance of each row, (rows,), where the sensors state ``variance``, (rows,)."""
+        return np.where(
+            self.outlier_variance > 0.0, self.outlier_variance, self.variance_ratio * variance
+        )
 
 
 @dataclass(frozen=True)
 class RobustResult:
-    """A ride smoothed, with what was weighted down on the way, and how many rounds that took."""
+    """Result of the last iteration.
 
-    prepared: KalmanGains
+    Parameters
+    ----------
+    gains : Kalman gains with the adapted variances
+    smoothed, variances : posterior mean and variances
+    weights : adapted variances
+    iterations : their number
+    """
+
+    gains: KalmanGains
     smoothed: SmootherResult
     variances: PosteriorVariances
     weights: NoiseWeights
-    rounds: int
+    iterations: int
+
+
+@dataclass(frozen=True)
+class _State:
+    """Variances of an iteration, and the walk ratio of each offset in the iteration before, (sensors,)."""
+
+    weights: NoiseWeights
+    walk_ratio: Array
+
+
+@dataclass(frozen=True)
+class _StretchNoise:
+    """Noise of the stretches of one sensor relative to the expected one.
+
+    Parameters
+    ----------
+    ratio : (its rows,), variance ratio of noisy stretches, else 1
+    typical : variance ratio of the median stretch, at least 1
+    threshold : variance ratio that stretches reach by the differences between them
+    """
+
+    ratio: Array
+    typical: float
+    threshold: float
 
 
 def smooth_robustly(problem: SmoothingProblem) -> RobustResult:
-    """Smooth, down-weight what disagrees, and repeat until the weights no longer change."""
-    run, variance, walk = problem.run, problem.variance, problem.walk
+    """Posterior of the profile with noise variances, offset jumps and offset walks adapted to the data.
+
+    Parameters
+    ----------
+    problem : run, prior, stated variances and signals
+
+    Returns
+    -------
+    posterior, gains and the adapted variances
+    """
+
+    def iterate(state: _State, iteration: int) -> Iteration[_State, RobustResult]:
+        result = _smooth_with(problem, state.weights, iteration)
+        return _adapted(problem, state, result)
+
+    return reweight(iterate, _initial_state(problem), MAX_ITERATIONS)
+
+
+def _initial_state(problem: SmoothingProblem) -> _State:
+    bays, sensors = len(problem.run.F), problem.run.offsets
     weights = NoiseWeights(
-        np.ones_like(variance),
-        np.zeros_like(variance),
-        np.zeros((len(run.F), run.offsets)),
-        np.zeros(run.offsets),
+        np.ones_like(problem.variance),
+        np.zeros_like(problem.variance),
+        np.zeros((bays, sensors)),
+        np.zeros(sensors),
     )
-    rounds, before = 0, np.full(run.offsets, np.inf)
-    while True:
-        rounds += 1
-        noise = weights.noise(variance)
-        wandering = with_offset_variance(
-            run, weights.jumps + np.outer(walk.duration, weights.drift)
+    return _State(weights, np.full(sensors, np.inf))
+
+
+def _smooth_with(
+    problem: SmoothingProblem, weights: NoiseWeights, iteration: int
+) -> RobustResult:
+    added = weights.jump_variance + np.outer(problem.walk.duration, weights.walk_variance)
+    gains = kalman_gains(
+        with_offset_variance(problem.run, added),
+        problem.spectrum,
+        weights.noise(problem.variance),
+        problem.start,
+    )
+    smoothed, variances = smooth(gains, problem.signals), posterior_variances(gains)
+    return RobustResult(gains, smoothed, variances, weights, iteration)
+
+
+def _adapted(
+    problem: SmoothingProblem, state: _State, result: RobustResult
+) -> Iteration[_State, RobustResult]:
+    """Variances for the next iteration."""
+    last, stated = state.weights, problem.variance
+    weights, model_error = _reweighted(problem, result)
+    walk_ratio = _walk_ratio(result, problem.walk)
+    restrained = result.iterations > FREE_ITERATIONS
+    if restrained:
+        weights = _with_limited_fall(weights, last, stated)
+    if restrained or _is_converged(weights, last, stated):
+        # Walks are adapted last: outliers and jumps that are not yet detected enlarge their scores.
+        ratio = np.minimum(walk_ratio, state.walk_ratio)
+        weights = _with_adapted_walks(weights, ratio, problem.walk, model_error)
+    return Iteration(
+        result, _State(weights, walk_ratio), _is_converged(weights, last, stated)
+    )
+
+
+def _reweighted(problem: SmoothingProblem, result: RobustResult) -> tuple[NoiseWeights, float]:
+    """Outliers, noisy stretches and jumps of the last iteration, and the model-error ratio of the samples."""
+    run, stated, last = problem.run, problem.variance, result.weights
+    residuals = _leave_one_out(result)
+    ratio, outlier = np.ones_like(stated), np.zeros_like(stated)
+    threshold = model_error = 1.0
+    for sensor in range(run.offsets):
+        rows = run.sensors == sensor
+        own = residuals.select(rows)
+        stretch = _stretch_noise(own, stated[rows])
+        ratio[rows] = stretch.ratio
+        outlier[rows] = own.outlier_variance(
+            stretch.ratio * stated[rows], OUTLIER_THRESHOLD**2 * stretch.typical
         )
-        prepared = kalman_gains(wandering, problem.spectrum, noise, problem.start)
-        smoothed, judged = smooth(prepared, problem.signals), posterior_variances(prepared)
-        again, left = _judged(weights, run, variance, noise, smoothed, judged)
-        shown = _wandering(smoothed, judged, walk)
-        if rounds > FREE_ROUNDS:
-            again = _held(again, weights, variance)
-        if rounds > FREE_ROUNDS or _same(again, weights, variance):
-            # Drift is judged last: as long as outliers and jumps are not told apart, they look like it.
-            again = _drifting(again, np.minimum(shown, before), walk, left)
-        if _same(again, weights, variance) or rounds == MOST_ROUNDS:
-            return RobustResult(prepared, smoothed, judged, weights, rounds)
-        weights, before = again, shown
+        # A model error in one signal moves the offsets of the other sensors too.
+        threshold = max(threshold, stretch.threshold)
+        model_error = max(model_error, min(stretch.threshold, MAX_MODEL_ERROR_RATIO * stretch.typical))
+    jumps = _detected_jumps(result, OUTLIER_THRESHOLD**2 * threshold)
+    if np.any((last.jump_variance > 0.0) & (jumps == 0.0)):
+        # The jump that is removed may have hidden outliers: those of the last iteration are kept.
+        hidden = (outlier == 0.0) & (last.outlier_variance > ratio * stated)
+        outlier = np.where(hidden, last.outlier_variance, outlier)
+    weights = replace(last, variance_ratio=ratio, outlier_variance=outlier, jump_variance=jumps)
+    return weights, model_error
 
 
-def _judged(
-    weights: NoiseWeights, ride: DiscretisedRun, variance: Array, noise: Array,
-    smoothed: SmootherResult, judged: PosteriorVariances,
-) -> tuple[NoiseWeights, float]:  # fmt: skip
-    """The weights that the last round asks for, and times their variance what samples show that the model leaves."""
-    error = smoothed.residual[:, 0] / (noise * judged.precision)
-    open_ = np.maximum(1.0 / judged.precision - noise, 0.0)
-    squares = np.square(error)
-    louder, beyond = np.ones_like(variance), np.zeros(len(variance), bool)
-    bar = left = 1.0
-    for i in range(ride.offsets):
-        rows = ride.sensors == i
-        louder[rows], usual, here = _louder(squares[rows], open_[rows], variance[rows])
-        most = BEYOND**2 * usual * (louder * variance + open_)
-        beyond[rows] = squares[rows] > most[rows]
-        # What the model leaves open in one signal moves the offsets of the others too.
-        bar, left = max(bar, here), max(left, min(here, MOSTLY * usual))
-    own = np.where(beyond, squares - open_, 0.0)
-    offsets = zip(weights.jumps.T, smoothed.offset_score.T, judged.offset_precision.T, strict=True)
-    judgements = [_jumps(*offset, BEYOND**2 * bar) for offset in offsets]
-    jumps, clear = (np.stack(each, axis=1) for each in zip(*judgements, strict=True))
-    # Of the new ones the clearest: what two sensors show at one place may be one's fault, or the track's.
-    new = (jumps > 0.0) & (weights.jumps == 0.0)
-    jumps[new & (clear < np.max(clear, initial=0.0, where=new))] = 0.0
-    if np.any((weights.jumps > 0.0) & (jumps == 0.0)):
-        # Samples may have seemed good only for the jump that goes.
-        stay = (own == 0.0) & (weights.own > louder * variance)
-        own = np.where(stay, weights.own, own)
-    return replace(weights, louder=louder, own=own, jumps=jumps), left
+def _leave_one_out(result: RobustResult) -> LeaveOneOutResiduals:
+    noise, precision = result.gains.variance, result.variances.precision
+    residual = result.smoothed.residual[:, 0] / (noise * precision)
+    return LeaveOneOutResiduals(np.square(residual), np.maximum(1.0 / precision - noise, 0.0))
 
 
-def _wandering(smoothed: SmootherResult, judged: PosteriorVariances, walk: OffsetWalk) -> Array:
-    """What each offset's walk shows, times its variance, (sensors,)."""
-    score, precision = smoothed.offset_score, judged.offset_precision
+def _stretch_noise(residuals: LeaveOneOutResiduals, stated: Array) -> _StretchNoise:
+    """Variance ratios of the stretches of one sensor.
+
+    The logarithms of the stretches' ratios have a median and, by their median absolute deviation, a scatter: on real
+    track both show the error of the model. Only a stretch far outside that scatter is noisy.
+    """
+    ratio = np.ones_like(stated)
+    stretches = np.array_split(np.arange(len(stated)), max(1, len(stated) // STRETCH_SAMPLES))
+    of_stretch = [
+        max(residuals.select(one).noise_ratio(stated[one]), MIN_NOISE_RATIO) for one in stretches
+    ]
+    median = float(np.median(np.log(of_stretch)))
+    scatter = STANDARD_DEVIATION_PER_MAD * float(np.median(np.abs(np.log(of_stretch) - median)))
+    typical = max(1.0, float(np.exp(median)))
+    factor = float(np.exp(OUTLIER_THRESHOLD * scatter)) / NOISE_RATIO_THRESHOLD
+    threshold = typical * max(1.0, factor)
+    noisy = np.array(of_stretch) > NOISE_RATIO_THRESHOLD * threshold
+    for number, stretch in enumerate(stretches):
+        at_end = np.any(noisy[max(number - 1, 0) : number + 2] != noisy[number])
+        count = max(1, len(stretch) // PIECE_SAMPLES) if at_end else 1
+        lowest = (
+            of_stretch[number] / NOISE_RATIO_THRESHOLD**2
+            if noisy[number]
+            else NOISE_RATIO_THRESHOLD**2 * threshold
+        )
+        for piece in np.array_split(stretch, count):
+            if residuals.select(piece).noise_ratio(stated[piece]) > lowest:
+                variance = residuals.select(stretch if noisy[number] else piece).noise_variance()
+                ratio[piece] = max(1.0, variance / np.median(stated[piece]))
+    return _StretchNoise(ratio, typical, threshold)
+
+
+def _detected_jumps(result: RobustResult, threshold: float) -> Array:
+    """Variance of each offset's jumps, (bays, sensors): those that remain, and the most significant new one.
+
+    Only one is new per iteration: jumps of two sensors at one location may be the fault of one of them, or the track's.
+    """
+    last = result.weights.jump_variance
+    scores, precisions = result.smoothed.offset_score, result.variances.offset_precision
+    detected = [
+        _jumps_of_offset(*offset, threshold)
+        for offset in zip(last.T, scores.T, precisions.T, strict=True)
+    ]
+    jumps, significance = (np.stack(each, axis=1) for each in zip(*detected, strict=True))
+    new = (jumps > 0.0) & (last == 0.0)
+    jumps[new & (significance < np.max(significance, initial=0.0, where=new))] = 0.0
+    return jumps
+
+
+def _jumps_of_offset(
+    last: Array, score: Array, precision: Array, threshold: float
+) -> tuple[Array, Array]:
+    """Jumps of one offset that remain and its most significant new one, and the significance at each bay.
+
+    Returns
+    -------
+    variance, significance : (bays,), jump variance; squared jump over its variance
+    """
+    jump = jump_statistics(score, precision, last)
+    variance = np.maximum(jump.variance, jump.round_off)
+    significance = np.where(jump.determined, jump.square / variance, 0.0)
+    first = np.arange(len(last)) == np.argmax(np.where(last > 0.0, 0.0, significance))
+    detected = np.where(
+        last > 0.0,
+        significance > JUMP_HYSTERESIS * threshold,
+        first & (significance > threshold),
+    )
+    return np.where(detected, np.maximum(jump.square - variance, 0.0), 0.0), significance
+
+
+def _walk_ratio(result: RobustResult, walk: OffsetWalk) -> Array:
+    """Estimated over modelled variance of each offset's random walk, Σ g² Δt / Σ q Δt, (sensors,)."""
+    score, precision = result.smoothed.offset_score, result.variances.offset_precision
     return walk.duration @ np.square(score) / (walk.duration @ precision)
 
 
-def _drifting(weights: NoiseWeights, shown: Array, walk: OffsetWalk, left: float) -> NoiseWeights:
-    """The weights, with the walk that each offset shows, where ``left`` is left of the samples by the model."""
-    usual = walk.rate**2
-    # A second jump of the same offset makes a walk more likely than chance, if the model explains the rest.
-    twice = (np.count_nonzero(weights.jumps, axis=0) > 1) & (left < EXPLAINED)
-    known = (weights.drift > 0.0) | twice
-    changes = (shown > np.where(known, FASTER, NOTED * left)) | (known & (shown < 1.0 / FASTER))
-    bold = np.clip(shown, 1.0 / BOLDEST, BOLDEST)
-    drift = np.maximum((usual + weights.drift) * bold - usual, 0.0)
-    drift = np.where(changes, drift, weights.drift)
-    # What a walk explains is no jump: those that remain are found again.
-    first = (drift > 0.0) & (weights.drift == 0.0)
-    return replace(weights, drift=drift, jumps=np.where(first, 0.0, weights.jumps))
+def _with_adapted_walks(
+    weights: NoiseWeights, ratio: Array, walk: OffsetWalk, model_error: float
+) -> NoiseWeights:
+    """Weights with the random walks that the offsets show.
 
-
-def _jumps(jumps: Array, score: Array, precision: Array, least: float) -> tuple[Array, Array]:
-    """Of one offset: those of the last round that still show, and the clearest other where it is ``least`` variances
-    large; and how many each place shows.
+    Parameters
+    ----------
+    ratio : (sensors,), estimated over modelled variance of the walk
+    model_error : model-error ratio of the samples
     """
-    known = precision > LEAST_TOLD * np.max(precision, initial=0.0)
-    precise = np.where(known, precision, 1.0)
-    shown = np.square(score / precise)
-    # As far as round-off tells what is left of 1/precision without the jump's own variance.
-    without = np.maximum(1.0 / precise - jumps, LEAST_TOLD / precise)
-    clear = np.where(known, shown / without, 0.0)
-    b = int(np.argmax(np.where(jumps > 0.0, 0.0, clear)))
-    # One that is found does not go for being a little less clear, or jumps would take turns.
-    stay = np.where(
-        jumps > 0.0, clear > STAYS * least, (np.arange(len(jumps)) == b) & (clear > least)
+    stated, last = walk.rate**2, weights.walk_variance
+    # Two jumps of one offset make a walk plausible, if the model explains the samples otherwise.
+    jumps_twice = np.count_nonzero(weights.jump_variance, axis=0) > 1
+    plausible = (last > 0.0) | (jumps_twice & (model_error < EXPLAINED_RATIO))
+    threshold = np.where(plausible, WALK_RATIO_THRESHOLD, NEW_WALK_RATIO_THRESHOLD * model_error)
+    changes = (ratio > threshold) | (plausible & (ratio < 1.0 / WALK_RATIO_THRESHOLD))
+    adapted = np.maximum((stated + last) * limited_change(ratio, MAX_WALK_CHANGE) - stated, 0.0)
+    adapted = np.where(changes, adapted, last)
+    # A new walk may explain the jumps of its offset: those that it does not are detected again.
+    new = (adapted > 0.0) & (last == 0.0)
+    return replace(
+        weights, walk_variance=adapted, jump_variance=np.where(new, 0.0, weights.jump_variance)
     )
-    return np.where(stay, np.maximum(shown - without, 0.0), 0.0), clear
 
 
-def _louder(squares: Array, open_: Array, variance: Array) -> tuple[Array, float, float]:
-    """How much louder stretches of one sensor are than it, (its rows,) of at least 1; how loud half of them are at
-    least; and that times what they differ by anyway, above which one is louder.
-    """
-    louder = np.ones_like(variance)
-    parts = np.array_split(np.arange(len(variance)), max(1, len(variance) // STRETCH))
-    each = squares / (variance + open_)
-    shown = [max(np.median(each[part]) / CHI_SQUARE_MEDIAN, LEAST_TOLD) for part in parts]
-    mostly = float(np.median(np.log(shown)))
-    differ = NORMAL_DEVIATION * float(np.median(np.abs(np.log(shown) - mostly)))
-    usual = max(1.0, float(np.exp(mostly)))
-    bar = usual * max(1.0, float(np.exp(BEYOND * differ)) / LOUDER)
-    loud = np.array(shown) > LOUDER * bar
-    for number, part in enumerate(parts):
-        at_end = np.any(loud[max(number - 1, 0) : number + 2] != loud[number])
-        for piece in np.array_split(part, max(1, len(part) // PIECE)) if at_end else [part]:
-            times = np.median(each[piece]) / CHI_SQUARE_MEDIAN
-            least = shown[number] / LOUDER**2 if loud[number] else LOUDER**2 * bar
-            if times > least:
-                of = part if loud[number] else piece
-                own = np.median(squares[of]) / CHI_SQUARE_MEDIAN - np.median(open_[of])
-                louder[piece] = max(1.0, own / np.median(variance[piece]))
-    return louder, usual, bar
-
-
-def _held(again: NoiseWeights, last: NoiseWeights, variance: Array) -> NoiseWeights:
-    """The same, but no noise falls by more than half on a logarithmic scale, above that of the sensor."""
-    before = last.noise(variance)
-    least = np.sqrt(before * variance)
-    own = np.where((again.own > 0.0) & (again.own < least), least, again.own)
-    least = np.where(last.own > 0.0, variance, least)
-    return replace(again, own=own, louder=np.maximum(again.louder, least / variance))
-
-
-def _same(a: NoiseWeights, b: NoiseWeights, variance: Array) -> bool:
-    change = np.abs(np.log(a.noise(variance) / b.noise(variance)))
-    return bool(
-        np.max(change) < SETTLED
-        and np.array_equal(a.jumps > 0.0, b.jumps > 0.0)
-        and np.array_equal(a.drift, b.drift)
+def _with_limited_fall(weights: NoiseWeights, last: NoiseWeights, stated: Array) -> NoiseWeights:
+    """Weights whose noise falls at most to the geometric mean of the last noise and the stated one."""
+    lowest = np.sqrt(last.noise(stated) * stated)
+    outlier = weights.outlier_variance
+    outlier = np.where((outlier > 0.0) & (outlier < lowest), lowest, outlier)
+    lowest = np.where(last.outlier_variance > 0.0, stated, lowest)
+    return replace(
+        weights,
+        outlier_variance=outlier,
+        variance_ratio=np.maximum(weights.variance_ratio, lowest / stated),
     )
+
+
+def _is_converged(weights: NoiseWeights, last: NoiseWeights, stated: Array) -> bool:
+    ratio = weights.noise(stated) / last.noise(stated)
+    return is_converged(
+        ratio, TOLERANCE, (weights.jump_variance, last.jump_variance)
+    ) and np.array_equal(weights.walk_variance, last.walk_variance)

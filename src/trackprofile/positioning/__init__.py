@@ -1,1 +1,1 @@
-"""Distance along the line, with its uncertainty, from satellites, odometer and kilometre posts."""
+"""Distance along the line with its uncertainty, from GNSS, odometry and kilometre posts."""

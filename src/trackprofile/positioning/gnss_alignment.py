@@ -1,136 +1,181 @@
-"""The line that a train took, from its satellite positions alone, so that their noise does not lengthen it.
+"""Distance along a line that is known only from the GNSS fixes of the run itself.
 
-Over the distance that the train ran, about, a smooth curve is laid through the positions: each coordinate's second
-derivative is a random walk, as the curvature of a railway is, and so strong as the positions make likely. Its length
-is the distance, and each position is projected onto it: what stands beside the line adds nothing.
+The line is a smooth curve p(ξ) through the fixes, over the approximate travelled distance ξ: the second derivative of
+each coordinate is a random walk, as the curvature of a railway is, and its strength is the most likely one. The distance
+is the length of the curve,
+
+    s(ξ) = ∫ |p'| + Var p'/(2 |p'|) dξ,
+
+where the second term replaces the length of the bends that a smooth estimate lacks. Each fix is projected onto the curve,
+so that lateral noise does not lengthen the distance.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackprofile.arrays import integral
-from trackprofile.kalman.chain import ChainPosterior, GaussMarkovChain, log_likelihood, smooth_chain
+from trackprofile.kalman.chain import (
+    ChainPosterior,
+    GaussMarkovChain,
+    log_likelihood,
+    smooth_chain,
+    wiener_acceleration,
+)
+from trackprofile.kalman.reweighting import (
+    OUTLIER_THRESHOLD,
+    Iteration,
+    is_converged,
+    limited_change,
+    reweight,
+)
 
 Array = NDArray[np.float64]
 
-USUAL = 3.0
-"""m: standard deviation of a position, at first."""
+INITIAL_STD = 3.0
+"""m, initial standard deviation of a fix in each direction."""
 
-BENDS = tuple(float(one) for one in np.geomspace(3e-4, 1e-6, 13))
-"""1/m per √m: how fast curvature wanders, of which the likeliest is taken. Transitions to curves of 300 m have the
-first."""
+MIN_STD = 0.01
+"""m, smallest standard deviation of a fix."""
 
-STEERS = 0.5
-"""m/s² per √s: how fast the acceleration of a position wanders, along and across."""
+PLANE_COMPONENTS = 2
+"""Directions of a fix's error: both lie in the plane of the Earth's surface."""
 
-SPACING = 5.0
-"""m between points of the line, but no more than ``MOST`` for each position."""
+CURVATURE_WALKS = tuple(float(one) for one in np.geomspace(3e-4, 1e-6, 13))
+"""1/m per √m, strengths of the random walk of the curvature, of which the most likely is used. The first is that of the
+transitions to curves of 300 m radius."""
 
-MOST = 50
+ACCELERATION_WALK = 0.5
+"""m/s² per √s, random walk of the acceleration in each coordinate, for an approximate distance without other sources."""
 
-FAR = 1e4
-"""m, m per m or s, and so on: standard deviations of a curve's start."""
+NODE_SPACING = 5.0
+"""m, distance between nodes of the curve, unless that makes more than `MAX_NODES_PER_FIX`."""
 
-BEYOND = 5.0
-"""Standard deviations beyond which a position is given the noise that it shows."""
+MAX_NODES_PER_FIX = 50
 
-FINEST = 0.01
-"""m: no position is better."""
+PRIOR_STD = (1e4, 1e2, 1.0)
+"""Prior standard deviations of a coordinate and its first two derivatives at the first node (m; m per m or per s)."""
 
-LEAST = 1e-6
-"""Of what is divided by."""
+MIN_RATIO = 1e-6
+"""Lower limit of divisors."""
 
-PLANE = 2.0
-"""Directions in which a position can be off."""
+MAX_MISSING_LENGTH = 0.01
+"""m per m, largest share by which a smooth curve is taken to be too short."""
 
-SQUARE_MEDIAN = 1.3863
-"""Of the square of its error over the variance in each of them."""
+MAX_NOISE_CHANGE = 4.0
+"""Largest factor by which the noise variance changes in one iteration."""
 
-LACKING = 0.01
-"""m per m, the most by which a smooth curve is taken to be too short."""
+TOLERANCE = 0.1
+"""Largest change of the noise variance's logarithm in the last iteration."""
 
-SETTLED = 0.1
-"""Change of the logarithm of the variance below which the rounds end."""
-
-MOST_ROUNDS = 8
+MAX_ITERATIONS = 8
 
 
-def align_to_own_line(time: Array, points: Array, run: Array | None) -> tuple[Array, Array]:
-    """Where along the line through positions each one is, and how far beside it, (n,) each in m.
+@dataclass(frozen=True)
+class _Noise:
+    """Noise variance of all fixes, m², and of each outlier, (n,) m², else 0."""
+
+    common: float
+    outlier: Array
+
+    def variance(self) -> Array:
+        """Noise variance of each fix, (n,) m²."""
+        return np.where(self.outlier > 0.0, self.outlier, self.common)
+
+
+def align_to_own_line(
+    time: Array, points: Array, travelled: Array | None
+) -> tuple[Array, Array]:
+    """Distance of GNSS fixes along the smooth curve through them, and their lateral offset from it.
 
     Parameters
     ----------
-    time : (n,), s, rising
+    time : (n,), s, increasing
     points : (n, 3), m from the Earth's centre
-    run : (n,), m that the train ran since the first, about; None: by the positions themselves
+    travelled : (n,), approximate travelled distance, m; None: from the fixes themselves
+
+    Returns
+    -------
+    distance, lateral offset : (n,), m
 
     Examples
     --------
-    >>> time, metres = np.arange(100.0), np.random.default_rng(1).normal(0.0, 3.0, (100, 3))
-    >>> metres[:, 2] = 0.0
-    >>> metres[:, 0] += 20.0 * time
-    >>> along, beside = own_line(time, metres, 20.0 * time)
-    >>> bool(abs(np.polyfit(time, along, 1)[0] - 20.0) < 0.05)
+    >>> time, points = np.arange(100.0), np.random.default_rng(1).normal(0.0, 3.0, (100, 3))
+    >>> points[:, 2] = 0.0
+    >>> points[:, 0] += 20.0 * time
+    >>> distance, offset = align_to_own_line(time, points, 20.0 * time)
+    >>> bool(abs(np.polyfit(time, distance, 1)[0] - 20.0) < 0.05)
     True
     """
-    off = points - np.mean(points, axis=0)
-    run = np.maximum.accumulate(_run(time, off) if run is None else run)
-    count = int(min((run[-1] - run[0]) / SPACING, MOST * len(run))) + 2
-    at = np.unique(np.concatenate([np.linspace(run[0], run[-1], count), run]))
-    _, variance = _laid(_curve(at, run, BENDS[0]), off)
-    curves = [_curve(at, run, bend) for bend in BENDS]
-    likely = max(curves, key=lambda curve: log_likelihood(curve, off, variance))
-    found, _ = _laid(likely, off)
-    place, slope = found.state[:, 0], found.state[:, 1]
-    per_metre = np.maximum(np.linalg.norm(slope, axis=1), LEAST)
-    # What is left of the bends in a smooth curve is shorter by half the square of the directions that it lacks.
-    lacking = np.minimum(found.covariance[:, 1, 1] / (2 * per_metre), LACKING)
-    length = integral(per_metre + lacking, at)
-    left = off - place[likely.node]
-    along = np.sum(left * slope[likely.node], axis=1) / per_metre[likely.node]
-    beside = np.sqrt(np.maximum(np.sum(left**2, axis=1) - along**2, 0.0))
-    return length[likely.node] + along, beside
+    points = points - np.mean(points, axis=0)
+    if travelled is None:
+        travelled = _travelled_distance(time, points)
+    curve = _smooth_curve(np.maximum.accumulate(travelled), points)
+    coordinates, slope = curve.posterior.state[:, 0], curve.posterior.state[:, 1]
+    speed = np.maximum(np.linalg.norm(slope, axis=1), MIN_RATIO)
+    missing = np.minimum(curve.posterior.covariance[:, 1, 1] / (2 * speed), MAX_MISSING_LENGTH)
+    length = integral(speed + missing, curve.nodes)
+    difference = points - coordinates[curve.node]
+    along = np.sum(difference * slope[curve.node], axis=1) / speed[curve.node]
+    offset = np.sqrt(np.maximum(np.sum(difference**2, axis=1) - along**2, 0.0))
+    return length[curve.node] + along, offset
 
 
-def _run(time: Array, off: Array) -> Array:
-    """How far a train ran by its positions alone, about, (n,) m."""
-    found, _ = _laid(_curve(time, time, STEERS), off)
-    return integral(np.linalg.norm(found.state[:, 1], axis=1), time)
+@dataclass(frozen=True)
+class _Curve:
+    """Posterior of a curve at nodes, (m,) m of travelled distance, and the node of each fix, (n,)."""
+
+    nodes: Array
+    node: NDArray[np.int64]
+    posterior: ChainPosterior
 
 
-def _curve(at: Array, where: Array, walk: float) -> GaussMarkovChain:
-    """Coordinates whose second derivative wanders so fast, at nodes, read at some of them."""
-    step = np.diff(at)
-    F = np.tile(np.eye(3), (len(step), 1, 1))
-    F[:, 0, 1] = F[:, 1, 2] = step
-    F[:, 0, 2] = 0.5 * step**2
-    Q = np.empty_like(F)
-    for i, j, power, share in (
-        (0, 0, 5, 20), (0, 1, 4, 8), (0, 2, 3, 6), (1, 1, 3, 3), (1, 2, 2, 2), (2, 2, 1, 1),
-    ):  # fmt: skip
-        Q[:, i, j] = Q[:, j, i] = walk**2 * step**power / share
-    h = np.zeros((len(where), 3))
+def _smooth_curve(travelled: Array, points: Array) -> _Curve:
+    """Curve through the fixes with the most likely random walk of the curvature."""
+    extent = travelled[-1] - travelled[0]
+    count = int(min(extent / NODE_SPACING, MAX_NODES_PER_FIX * len(travelled))) + 2
+    grid = np.linspace(travelled[0], travelled[-1], count)
+    nodes = np.unique(np.concatenate([grid, travelled]))
+    _, variance = _smooth_robustly(_chain(nodes, travelled, CURVATURE_WALKS[0]), points)
+    chains = [_chain(nodes, travelled, walk) for walk in CURVATURE_WALKS]
+    likeliest = max(chains, key=lambda chain: log_likelihood(chain, points, variance))
+    posterior, _ = _smooth_robustly(likeliest, points)
+    return _Curve(nodes, likeliest.node, posterior)
+
+
+def _travelled_distance(time: Array, points: Array) -> Array:
+    """Approximate travelled distance from the fixes alone, (n,) m."""
+    posterior, _ = _smooth_robustly(_chain(time, time, ACCELERATION_WALK), points)
+    return integral(np.linalg.norm(posterior.state[:, 1], axis=1), time)
+
+
+def _chain(nodes: Array, at: Array, walk: float) -> GaussMarkovChain:
+    """Coordinates whose second derivative is a random walk over the nodes, observed at some of them."""
+    F, Q = wiener_acceleration(np.diff(nodes), walk)
+    h = np.zeros((len(at), 3))
     h[:, 0] = 1.0
-    start = np.diag([FAR, FAR / 100, FAR / 1e4]) ** 2
-    return GaussMarkovChain(np.zeros((3, 3)), start, F, Q, np.searchsorted(at, where), h)
+    covariance = np.diag(PRIOR_STD) ** 2
+    return GaussMarkovChain(
+        np.zeros((3, 3)), covariance, F, Q, np.searchsorted(nodes, at), h
+    )
 
 
-def _laid(curve: GaussMarkovChain, off: Array) -> tuple[ChainPosterior, Array]:
-    """The curve laid through positions, and the variance that each showed, (n,) m²."""
-    variance = np.full(len(off), USUAL**2)
-    level, own = USUAL**2, np.zeros(len(off))
-    rounds = 0
-    while True:
-        rounds += 1
-        found = smooth_chain(curve, off, variance)
-        squares = np.sum(found.error**2, axis=1)
-        shown = max(float(np.median(squares / (level + found.open))) / SQUARE_MEDIAN, LEAST)
-        level = max(level * float(np.clip(shown, 0.25, 4.0)), FINEST**2)
-        far = squares > PLANE * BEYOND**2 * (level + found.open)
-        before, own = own, np.where(far, squares / PLANE - found.open, 0.0)
-        variance = np.where(far, own, level)
-        same = np.array_equal(before > 0.0, far) and abs(np.log(shown)) < SETTLED
-        if same or rounds == MOST_ROUNDS:
-            return found, variance
+def _smooth_robustly(chain: GaussMarkovChain, points: Array) -> tuple[ChainPosterior, Array]:
+    """Posterior of the curve and the noise variance of each fix, (n,) m²."""
+
+    def iterate(noise: _Noise, number: int) -> Iteration[_Noise, tuple[ChainPosterior, Array]]:
+        posterior = smooth_chain(chain, points, noise.variance())
+        residuals = posterior.leave_one_out(PLANE_COMPONENTS)
+        shown = max(residuals.noise_ratio(noise.common), MIN_RATIO)
+        change = float(limited_change(np.float64(shown), MAX_NOISE_CHANGE))
+        common = max(noise.common * change, MIN_STD**2)
+        outlier = residuals.outlier_variance(common, OUTLIER_THRESHOLD**2)
+        adapted = _Noise(common, outlier)
+        converged = is_converged(np.array([shown]), TOLERANCE, (outlier, noise.outlier))
+        return Iteration((posterior, adapted.variance()), adapted, converged)
+
+    initial = _Noise(INITIAL_STD**2, np.zeros(len(points)))
+    return reweight(iterate, initial, MAX_ITERATIONS)

@@ -1,4 +1,4 @@
-"""Positions and kilometre posts brought to one line, and which way a train runs on it."""
+"""Matching of GNSS fixes and kilometre posts to one line, and the direction of travel on it."""
 
 from __future__ import annotations
 
@@ -12,216 +12,249 @@ from scipy.ndimage import median_filter
 from trackprofile.errors import DataError
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.positioning.gnss_alignment import align_to_own_line
-from trackprofile.positioning.polyline import cartesian, line_of
+from trackprofile.positioning.polyline import cartesian, chainage_polyline
 from trackprofile.positioning.position_observations import (
     PositionObservations,
     Source,
-    fresh_fixes,
     gnss_observations,
     post_observations,
+    valid_fixes,
 )
 from trackprofile.positioning.sources import GnssFixes, KilometrePosts
 
 Array = NDArray[np.float64]
-Run = tuple[Array, Array]
 
-BESIDE = 5.0
-"""Times farther beside the line than is usual, from which a fix says nothing of the place along it."""
+MAX_OFFSET_RATIO = 5.0
+"""Largest lateral offset of a fix over the median one at which the fix still determines the distance."""
 
-NARROW = 10.0
-"""m beside a line, up to which any fix may be."""
+MIN_MAX_OFFSET = 10.0
+"""m, lateral offset up to which every fix determines the distance."""
 
-FAR_OFF = 500.0
-"""m beside its way, from which half of all fixes show that the way is another one's."""
+MAX_MEDIAN_OFFSET = 500.0
+"""m, median lateral offset from which the chainage table is that of another line."""
 
-BACK = 100.0
-"""m by which fixes have to go back before a train has turned."""
+MAX_BACKWARD = 100.0
+"""m by which the fixes go backwards in a train that has turned."""
 
-AROUND = 11
-"""Fixes whose median says whether it did."""
+MEDIAN_LENGTH = 11
+"""Number of fixes whose median is robust against outliers."""
 
-FASTEST, SHORTEST = 170.0, 1.0
-"""m/s, faster than any train, on average over a recording of at least so many s."""
+MAX_SPEED = 170.0
+"""m/s, largest mean speed of a recording."""
 
-USUAL_SPEED = 20.0
-"""m/s at a post, where nothing says it."""
+MIN_DURATION = 1.0
+"""s, shortest duration over which a mean speed is computed."""
+
+DEFAULT_SPEED = 20.0
+"""m/s, speed at a post where no source determines it."""
+
+
+@dataclass(frozen=True)
+class TravelledDistance:
+    """Distance travelled since the first time, by dead reckoning.
+
+    Parameters
+    ----------
+    time, distance : (n,), s and m
+    """
+
+    time: Array
+    distance: Array
+
+    def at(self, time: Array) -> Array:
+        """Distance at other times, (m,) m."""
+        return np.interp(time, self.time, self.distance)
 
 
 @dataclass(frozen=True)
 class MatchedPositions:
-    """What says where a train was, along one line in the direction of travel.
+    """Absolute positions on one line, increasing in the direction of travel.
 
     Parameters
     ----------
-    readings : of fixes and of posts, where there are any
-    own_line : whether the line is known from the fixes alone
-    sign : -1 where the train runs against the line's distances, 1 with them, 0 where nothing tells
-    direction : of travel by the kilometrage, in words; "" where nothing tells
-    notes : in sentences
+    observations : those of fixes and of posts, as far as there are any
+    own_line : whether the line is known only from the fixes
+    sign : -1 for a run against the line's distances, 1 for a run with them, 0 if not determined
+    direction : of travel relative to the kilometrage; "" if not determined
+    notes : sentences about the matching
     """
 
-    readings: tuple[PositionObservations, ...] = ()
+    observations: tuple[PositionObservations, ...] = ()
     own_line: bool = False
     sign: float = 0.0
     direction: str = ""
     notes: tuple[str, ...] = ()
 
 
-def run_of(moves: Sequence[PositionObservations]) -> Run | None:
-    """Times in s and how far a train had run by then in m, by the first of what says so; None where nothing does."""
-    for source in (Source.ROLLED, Source.SHOWN, Source.FIX_SPEED):
-        for one in moves:
+def travelled_distance(observations: Sequence[PositionObservations]) -> TravelledDistance | None:
+    """Travelled distance by the first of odometer, displayed speed and GNSS speed; None if there is none of them."""
+    for source in (Source.ODOMETRY, Source.DISPLAYED_SPEED, Source.GNSS_SPEED):
+        for one in observations:
             if one.source is source and len(one.time) > 1:
-                if source is Source.ROLLED:
-                    return one.time, one.value - one.value[0]
+                if source is Source.ODOMETRY:
+                    return TravelledDistance(one.time, one.value - one.value[0])
                 steps = 0.5 * (one.value[1:] + one.value[:-1]) * np.diff(one.time)
-                return one.time, np.concatenate([[0.0], np.cumsum(steps)])
+                return TravelledDistance(one.time, np.concatenate([[0.0], np.cumsum(steps)]))
     return None
 
 
 def match_positions(
     fixes: GnssFixes | None,
     posts: KilometrePosts | None,
-    way: ChainageTable | None,
-    moves: Sequence[PositionObservations],
+    chainage: ChainageTable | None,
+    motion: Sequence[PositionObservations],
 ) -> MatchedPositions:
-    """Fixes and posts brought to the way, or, without one, to the line that the fixes themselves make.
+    """Match GNSS fixes and kilometre posts to the chainage table's line, or fixes to the curve through them.
 
-    Against the way, or against the kilometrage where there is none, distances count with a minus.
+    Distances of a run against the line, or against the kilometrage without a table, are negated.
 
     Parameters
     ----------
-    moves : what else says how far the train ran
+    motion : observations of odometer and speeds
 
     Raises
     ------
-    DataError : the fixes are far from the way, or the train turns.
+    DataError : the fixes are far from the line, the train turns, or it is faster than any.
     """
-    run, found = run_of(moves), MatchedPositions()
-    if run is not None:
-        _check_speed(*run)
+    travelled, matched = travelled_distance(motion), MatchedPositions()
+    if travelled is not None:
+        _check_speed(travelled.time, travelled.distance)
     if fixes is not None:
-        kept = fresh_fixes(fixes)
-        if way is not None and way.has_coordinates:
-            found = _on_the_way(fixes, kept, way)
+        rows = valid_fixes(fixes)
+        if chainage is not None and chainage.has_coordinates:
+            matched = _match_to_table(fixes, rows, chainage)
         else:
-            found = _on_their_own(fixes, kept, run)
+            matched = _match_to_own_line(fixes, rows, travelled)
     if posts is not None and len(posts.time):
-        found = _with_posts(found, posts, way or ChainageTable(), run)
-    return found
+        matched = _with_posts(matched, posts, chainage or ChainageTable(), travelled)
+    return matched
 
 
-def _on_the_way(fixes: GnssFixes, kept: NDArray[np.intp], way: ChainageTable) -> MatchedPositions:
-    along, beside = line_of(way).placed(cartesian(fixes.latitude[kept], fixes.longitude[kept]))
-    near = np.isfinite(along)
-    usual = float(np.median(beside[near])) if np.count_nonzero(near) > 1 else np.inf
-    if usual > FAR_OFF:
-        where = (
-            f"{usual / 1000:.3g} km beside the way"
-            if np.isfinite(usual)
-            else "beyond the ends of the way"
-        )
-        raise DataError(
-            f"The satellite positions lie {where}; expected them on it: give the way that this train took, or none."
-        )
-    near &= beside <= max(NARROW, BESIDE * usual)
-    along, kept = along[near], kept[near]
-    sign = _sign(along)
-    _check_one_way(sign * along, fixes.time[kept])
+def _match_to_table(
+    fixes: GnssFixes, rows: NDArray[np.intp], chainage: ChainageTable
+) -> MatchedPositions:
+    points = cartesian(fixes.latitude[rows], fixes.longitude[rows])
+    distance, offset = chainage_polyline(chainage).project(points)
+    usable = np.isfinite(distance)
+    typical = float(np.median(offset[usable])) if np.count_nonzero(usable) > 1 else np.inf
+    _check_offset(typical)
+    usable &= offset <= max(MIN_MAX_OFFSET, MAX_OFFSET_RATIO * typical)
+    distance, rows = distance[usable], rows[usable]
+    sign = _sign(distance)
+    _check_one_direction(sign * distance, fixes.time[rows])
     return MatchedPositions(
-        (gnss_observations(fixes, kept, sign * along),),
+        (gnss_observations(fixes, rows, sign * distance),),
         sign=sign,
-        direction=_direction(way, sign) if np.size(way.kilometre) else "",
-        notes=_against("its way", sign),
+        direction=_direction(chainage, sign) if np.size(chainage.kilometre) else "",
+        notes=_note_on_sign("the line of the chainage table", sign),
     )
 
 
-def _on_their_own(fixes: GnssFixes, kept: NDArray[np.intp], run: Run | None) -> MatchedPositions:
-    time = fixes.time[kept]
-    points = cartesian(fixes.latitude[kept], fixes.longitude[kept])
-    rough = None if run is None else np.interp(time, *run)
+def _match_to_own_line(
+    fixes: GnssFixes, rows: NDArray[np.intp], travelled: TravelledDistance | None
+) -> MatchedPositions:
+    time = fixes.time[rows]
+    points = cartesian(fixes.latitude[rows], fixes.longitude[rows])
+    approximate = None if travelled is None else travelled.at(time)
     _check_speed(time, np.linalg.norm(points - points[0], axis=1))
-    along, beside = align_to_own_line(time, points, rough)
-    near = beside <= max(NARROW, BESIDE * float(np.median(beside)))
-    return MatchedPositions((gnss_observations(fixes, kept[near], along[near]),), own_line=True)
+    distance, offset = align_to_own_line(time, points, approximate)
+    usable = offset <= max(MIN_MAX_OFFSET, MAX_OFFSET_RATIO * float(np.median(offset)))
+    return MatchedPositions(
+        (gnss_observations(fixes, rows[usable], distance[usable]),), own_line=True
+    )
 
 
 def _with_posts(
-    found: MatchedPositions, posts: KilometrePosts, way: ChainageTable, run: Run | None
+    matched: MatchedPositions,
+    posts: KilometrePosts,
+    chainage: ChainageTable,
+    travelled: TravelledDistance | None,
 ) -> MatchedPositions:
-    distance = way.distances(posts.kilometre)
-    once = np.isfinite(distance)
-    distance, time = distance[once], posts.time[once]
-    notes = found.notes
-    if not once.all():
-        said = ", ".join(f"{one:g}" for one in posts.kilometre[~once][:3])
-        notes += (f"the kilometrage says {said} twice or never: such posts are not used",)
+    distance = chainage.distances(posts.kilometre)
+    unique = np.isfinite(distance)
+    distance, time = distance[unique], posts.time[unique]
+    notes = matched.notes
+    if not unique.all():
+        ignored = ", ".join(f"{one:g}" for one in posts.kilometre[~unique][:3])
+        notes += (f"posts of kilometre {ignored} are ignored: not exactly once in the kilometrage",)
     if not len(distance):
-        return replace(found, notes=notes)
-    sign = found.sign or _sign(distance)
-    if not found.sign:
-        line = "its way" if np.size(way.kilometre) else "the kilometrage"
-        notes += _against(line, sign) if len(distance) > 1 else _unsaid()
-    speed = _speed_at(time, run, (time, sign * distance))
-    reading = post_observations(replace(posts, time=time), sign * distance, speed)
+        return replace(matched, notes=notes)
+    sign = matched.sign or _sign(distance)
+    if not matched.sign:
+        line = (
+            "the line of the chainage table" if np.size(chainage.kilometre) else "the kilometrage"
+        )
+        notes += _note_on_sign(line, sign) if len(distance) > 1 else _note_on_one_post()
+    speed = _speed_at(time, travelled or TravelledDistance(time, sign * distance))
+    observations = post_observations(replace(posts, time=time), sign * distance, speed)
     return replace(
-        found,
-        readings=(*found.readings, reading),
+        matched,
+        observations=(*matched.observations, observations),
         sign=sign,
-        direction=_direction(way, sign),
+        direction=_direction(chainage, sign),
         notes=notes,
     )
 
 
-def _speed_at(time: Array, run: Run | None, places: Run) -> Array:
-    """How fast the train passed posts, m/s, by how far it ran, or by the posts themselves."""
-    at, distance = run or places
-    if len(at) < 2:
-        return np.full(len(time), USUAL_SPEED)
-    late, early = np.minimum(time + 1.0, at[-1]), np.maximum(time - 1.0, at[0])
-    passed = np.interp(late, at, distance) - np.interp(early, at, distance)
-    return np.abs(passed) / np.maximum(late - early, 1e-3)
+def _speed_at(time: Array, travelled: TravelledDistance) -> Array:
+    """Mean speed over 2 s about each time, (n,) m/s."""
+    if len(travelled.time) < 2:
+        return np.full(len(time), DEFAULT_SPEED)
+    late = np.minimum(time + 1.0, travelled.time[-1])
+    early = np.maximum(time - 1.0, travelled.time[0])
+    distance = travelled.at(late) - travelled.at(early)
+    return np.abs(distance) / np.maximum(late - early, 1e-3)
 
 
-def _sign(along: Array) -> float:
-    """Of travel: 1 where distances rise, else -1."""
-    half = max(len(along) // 2, 1)
-    return -1.0 if np.median(along[-half:]) < np.median(along[:half]) else 1.0
+def _sign(distance: Array) -> float:
+    """1 if distances increase during the run, else -1."""
+    half = max(len(distance) // 2, 1)
+    return -1.0 if np.median(distance[-half:]) < np.median(distance[:half]) else 1.0
 
 
-def _check_speed(time: Array, run: Array) -> None:
-    """Refuse a train that is faster than any."""
-    took = max(float(time[-1] - time[0]), SHORTEST)
-    mean = float(np.median(np.abs(run[-AROUND:] - run[0]))) / took
-    if not mean < FASTEST:
+def _check_offset(typical: float) -> None:
+    if typical > MAX_MEDIAN_OFFSET:
+        where = (
+            f"{typical / 1000:.3g} km from the line of the chainage table"
+            if np.isfinite(typical)
+            else "beyond the ends of the chainage table"
+        )
         raise DataError(
-            f"By what is recorded of where it was the train ran at {3.6 * mean:.3g} km/h; check the columns and their "
-            "units."
+            f"The GNSS fixes lie {where}, expected them on it; name the chainage table of this run's line, or none."
         )
 
 
-def _check_one_way(along: Array, time: Array) -> None:
-    """Refuse a train that turns."""
-    calm = median_filter(along, AROUND, mode="nearest")
-    back = np.maximum.accumulate(calm) - calm
-    if np.max(back) > BACK:
-        turn = float(time[int(np.argmax(back > BACK))])
+def _check_speed(time: Array, distance: Array) -> None:
+    duration = max(float(time[-1] - time[0]), MIN_DURATION)
+    mean = float(np.median(np.abs(distance[-MEDIAN_LENGTH:] - distance[0]))) / duration
+    if not mean < MAX_SPEED:
         raise DataError(
-            f"By its satellite positions the train turns: at {turn:.0f} s it has run back {BACK:.0f} m; a recording "
-            "runs one way: cut it there."
+            f"The position sources give a mean speed of {3.6 * mean:.3g} km/h, expected less than "
+            f"{3.6 * MAX_SPEED:.0f} km/h; check the columns and their units."
         )
 
 
-def _direction(way: ChainageTable, sign: float) -> str:
-    with_it = way.direction.startswith("with") == (sign > 0)
-    return "with the kilometrage" if with_it else "against the kilometrage"
+def _check_one_direction(distance: Array, time: Array) -> None:
+    smooth = median_filter(distance, MEDIAN_LENGTH, mode="nearest")
+    backward = np.maximum.accumulate(smooth) - smooth
+    if np.max(backward) > MAX_BACKWARD:
+        turn = float(time[int(np.argmax(backward > MAX_BACKWARD))])
+        raise DataError(
+            f"The GNSS fixes go back by {MAX_BACKWARD:.0f} m before {turn:.0f} s: the train turns, expected one "
+            "direction in a recording; split the recording where it turns."
+        )
 
 
-def _against(line: str, sign: float) -> tuple[str, ...]:
+def _direction(chainage: ChainageTable, sign: float) -> str:
+    with_kilometrage = chainage.direction.startswith("with") == (sign > 0)
+    return "with the kilometrage" if with_kilometrage else "against the kilometrage"
+
+
+def _note_on_sign(line: str, sign: float) -> tuple[str, ...]:
     if sign > 0:
         return ()
-    return (f"the train runs against {line}: distances count with a minus, so that they increase",)
+    return (f"the train runs against {line}: distances are negated, so that they increase",)
 
 
-def _unsaid() -> tuple[str, ...]:
-    return ("one post does not say which way the train runs: taken to be with the kilometrage",)
+def _note_on_one_post() -> tuple[str, ...]:
+    return ("one post does not determine the direction: assumed with the kilometrage",)

@@ -1,4 +1,4 @@
-"""Satellite positions brought to a line: how far along it each one is, and how far beside."""
+"""Polyline of a track's axis and the projection of points onto it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,26 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SEMI_MAJOR, FLATTENING = 6378137.0, 1 / 298.257223563
-"""Of the ellipsoid of WGS 84, m."""
+"""Semi-major axis, m, and flattening of the WGS 84 ellipsoid."""
 
-DENSE = 20.0
-"""m between points of a line, among which the nearest is looked for, but no more than ``MOST`` of them."""
+MAX_POINT_SPACING = 20.0
+"""m between the points among which the nearest one is searched, unless that makes more than `MAX_POINTS`."""
 
-MOST = 1_000_000
+MAX_POINTS = 1_000_000
 
 
 def cartesian(latitude: Array, longitude: Array) -> Array:
-    """Places on the ellipsoid of WGS 84, (n,) in °, in metres from the Earth's centre, (n, 3).
+    """Cartesian coordinates of points on the WGS 84 ellipsoid.
 
-    Source: NGA.STND.0036, 4.2.
+    Parameters
+    ----------
+    latitude, longitude : (n,), °
+
+    Returns
+    -------
+    (n, 3), m from the Earth's centre
+
+    Source: NGA.STND.0036, section 4.2.
 
     Examples
     --------
@@ -34,13 +42,13 @@ def cartesian(latitude: Array, longitude: Array) -> Array:
            [      0.,       0., 6356752.]])
     """
     north, east = np.radians(latitude), np.radians(longitude)
-    squared = FLATTENING * (2.0 - FLATTENING)
-    across = SEMI_MAJOR / np.sqrt(1.0 - squared * np.sin(north) ** 2)
+    eccentricity_squared = FLATTENING * (2.0 - FLATTENING)
+    radius = SEMI_MAJOR / np.sqrt(1.0 - eccentricity_squared * np.sin(north) ** 2)
     return np.stack(
         [
-            across * np.cos(north) * np.cos(east),
-            across * np.cos(north) * np.sin(east),
-            (1.0 - squared) * across * np.sin(north),
+            radius * np.cos(north) * np.cos(east),
+            radius * np.cos(north) * np.sin(east),
+            (1.0 - eccentricity_squared) * radius * np.sin(north),
         ],
         axis=-1,
     )
@@ -48,42 +56,56 @@ def cartesian(latitude: Array, longitude: Array) -> Array:
 
 @dataclass(frozen=True)
 class Polyline:
-    """Points (n, 3) in m from the Earth's centre, at distances (n,) in m along the line, rising."""
+    """Points of a line.
+
+    Parameters
+    ----------
+    distance : (n,), along the line, m, increasing
+    point : (n, 3), m from the Earth's centre
+    """
 
     distance: Array
     point: Array
 
-    def placed(self, points: Array) -> tuple[Array, Array]:
-        """Distance along the line of the place nearest to each point, and how far beside it, (m,) each in m.
+    def project(self, points: Array) -> tuple[Array, Array]:
+        """Project points onto the line.
 
-        NaN along the line for points beyond its ends.
+        Parameters
+        ----------
+        points : (m, 3), m from the Earth's centre
+
+        Returns
+        -------
+        distance : (m,), along the line, m; NaN for points beyond its ends
+        offset : (m,), lateral offset from the line, m
         """
-        distance, point = self._dense()
+        distance, point = self._densified()
         nearest = KDTree(point).query(points)[1]
-        along, beside = np.full(len(points), np.nan), np.full(len(points), np.inf)
+        along, offset = np.full(len(points), np.nan), np.full(len(points), np.inf)
         last = len(distance) - 1
         for first in (np.maximum(nearest - 1, 0), np.minimum(nearest, last - 1)):
             chord = point[first + 1] - point[first]
             share = np.sum((points - point[first]) * chord, axis=1) / np.sum(chord**2, axis=1)
             inside = np.clip(share, 0.0, 1.0)
-            off = np.linalg.norm(points - point[first] - inside[:, None] * chord, axis=1)
+            away = np.linalg.norm(points - point[first] - inside[:, None] * chord, axis=1)
             beyond = ((first == 0) & (share < 0.0)) | ((first == last - 1) & (share > 1.0))
             at = distance[first] + inside * (distance[first + 1] - distance[first])
-            closer = off < beside
+            closer = away < offset
             along[closer] = np.where(beyond, np.nan, at)[closer]
-            beside[closer] = off[closer]
-        return along, beside
+            offset[closer] = away[closer]
+        return along, offset
 
-    def _dense(self) -> tuple[Array, Array]:
-        """The line with points no farther than ``DENSE`` apart."""
-        apart = max(DENSE, float(self.distance[-1] - self.distance[0]) / MOST)
-        pieces = np.maximum(np.ceil(np.diff(self.distance) / apart), 1).astype(np.int64)
+    def _densified(self) -> tuple[Array, Array]:
+        """Distances and points, at most `MAX_POINT_SPACING` apart."""
+        extent = float(self.distance[-1] - self.distance[0])
+        spacing = max(MAX_POINT_SPACING, extent / MAX_POINTS)
+        pieces = np.maximum(np.ceil(np.diff(self.distance) / spacing), 1).astype(np.int64)
         start = np.concatenate([[0], np.cumsum(pieces)])
         at = np.interp(np.arange(start[-1] + 1), start, self.distance)
         return at, np.stack([np.interp(at, self.distance, one) for one in self.point.T], axis=1)
 
 
-def line_of(way: ChainageTable) -> Polyline:
-    """The line of a way that has coordinates."""
-    point = cartesian(np.asarray(way.latitude), np.asarray(way.longitude))
-    return Polyline(np.asarray(way.point_distance), point)
+def chainage_polyline(chainage: ChainageTable) -> Polyline:
+    """Polyline of a chainage table with coordinates."""
+    point = cartesian(np.asarray(chainage.latitude), np.asarray(chainage.longitude))
+    return Polyline(np.asarray(chainage.point_distance), point)

@@ -1,12 +1,18 @@
-"""The smoother's model of a ride.
+"""State-space model of a train's position and of the errors of its position sources (theory, section 12).
 
-The state is [q, v, a, Σ, D, δ, b, o]: what a wheel that never slips would have rolled at the scale that it is thought
-to have, its speed and acceleration, which is a random walk; by how far the wheel slipped; the distance less q, which
-moves as v δ with the error δ of the scale's logarithm, a slow walk; the common error of satellite positions, which
-wanders; and where a line begins that is known from these positions alone (theory, section 12).
+State at each node, with W the strength of a random walk:
 
-The acceleration's walk is that of q and not of the distance: else a ride of many changes would speak for a smaller
-wheel.
+    q   distance that the wheel would have rolled without slip at the assumed scale, m
+    v   speed, dq/dt, m/s
+    a   acceleration, dv/dt, a random walk, m/s²
+    Σ   wheel slip, a random walk over the distance, m
+    D   distance of the train less q, dD/dt = v δ, m
+    δ   logarithm of the true over the assumed wheel scale, a random walk
+    b   bias of the GNSS fixes, a first-order Gauss-Markov process, m
+    o   length error of a line that is known only from GNSS fixes, a random walk, m
+
+The acceleration's random walk belongs to q, not to the distance q + D: otherwise a run with many changes of the
+acceleration would make a smaller wheel more likely.
 """
 
 from __future__ import annotations
@@ -17,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.kalman.chain import GaussMarkovChain
+from trackprofile.kalman.chain import GaussMarkovChain, wiener_acceleration
 from trackprofile.positioning.position_observations import (
     PositionObservations,
     Source,
@@ -28,89 +34,93 @@ from trackprofile.preprocessing.motion import ACCELERATION_WALK
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-Q, V, A, SLIP, D, SCALE, WANDER, ORIGIN = range(8)
-"""Places in the state."""
+Q, V, A, SLIP, D, SCALE, BIAS, LENGTH_ERROR = range(8)
+"""Indices of the states."""
 
-GRID = 1.0
-"""s between nodes at most, where that makes no more than ``MOST`` for each reading."""
+NODE_INTERVAL = 1.0
+"""s, longest interval between nodes, unless that makes more than `MAX_NODES_PER_OBSERVATION`."""
 
-MOST = 50
+MAX_NODES_PER_OBSERVATION = 50
 
-FAR = 1000.0
-"""m: standard deviation of where the train begins, about where its sources say it does, and of what a wheel that says
-nothing does not count."""
+POSITION_STD = 1000.0
+"""m, prior standard deviation of the initial position, and of the slip while the odometer fails."""
 
-FASTEST = 30.0
-"""m/s: standard deviation of the speed at the start."""
+SPEED_STD = 30.0
+"""m/s, prior standard deviation of the initial speed."""
 
-HARDEST = 1.0
-"""m/s²: standard deviation of the acceleration at the start, and of its change where a train stops or starts."""
+ACCELERATION_STD = 1.0
+"""m/s², prior standard deviation of the initial acceleration, and of its change at the ends of a standstill."""
 
-ROLLING = 0.01
-"""m per √m: how a wheel that does not slip wanders against the rail. Its rolling radius changes by some tenths of a
-thousandth with its place on the rail, over some hundred metres."""
+SLIP_WALK = 0.01
+"""m/√m, random walk of a rolling wheel against the rail: its rolling radius changes by some 0.01 % over some 100 m with
+its lateral displacement on the rail."""
 
-WEAR = 3e-6
-"""per √s: how a wheel's scale wanders as it wears and warms up."""
+SCALE_WALK = 3e-6
+"""1/√s, random walk of the logarithm of the wheel scale by wear and temperature."""
 
-COMMON = 1.5
-"""m: usual standard deviation of the common error of satellite positions."""
+GNSS_BIAS_STD = 1.5
+"""m, typical standard deviation of the bias of GNSS fixes."""
 
-WANDERED = 100.0
-"""s in which the common error of satellite positions is forgotten."""
+GNSS_BIAS_TIME = 100.0
+"""s, correlation time of the bias of GNSS fixes."""
 
-BENT = 0.15
-"""m per √s: how a line that is known from satellite positions alone may be longer or shorter than it is."""
+LENGTH_WALK = 0.15
+"""m/√s, random walk of the length error of a line that is known only from GNSS fixes."""
 
-UNSEEN = 0.1
-"""Share of a long stretch without positions by which such a line may be longer or shorter there, in a curve."""
+LONG_GAP_ERROR = 0.1
+"""Standard deviation of the length error over the length of a long gap between fixes, in a curve."""
 
-CURVED = 4.6e-8
-"""1/m²: times the cube of a short one's length, the same: a hundredth of what curves of 300 m could do."""
+SHORT_GAP_ERROR = 4.6e-8
+"""1/m², the same over the cube of the length of a short gap: 1 % of the error in a curve of 300 m radius."""
 
-STANDING = 1e-3
-"""m/s: of a train that stands."""
+STANDSTILL_STD = 1e-3
+"""m/s, standard deviation of the speed at standstill."""
 
-_READS = {
-    Source.FIX: (Q, D, WANDER, ORIGIN),
-    Source.FIX_SPEED: (V,),
-    Source.ROLLED: (Q, SLIP),
-    Source.SHOWN: (V,),
+_OBSERVED_STATES = {
+    Source.GNSS_POSITION: (Q, D, BIAS, LENGTH_ERROR),
+    Source.GNSS_SPEED: (V,),
+    Source.ODOMETRY: (Q, SLIP),
+    Source.DISPLAYED_SPEED: (V,),
     Source.POST: (Q, D),
-    Source.STANDING: (V,),
+    Source.STANDSTILL: (V,),
 }
 
 
 @dataclass(frozen=True)
 class PositionPrior:
-    """What is known before the readings, and about which the model is linear.
+    """Prior of the initial state and the values about which the model is linearised.
 
     Parameters
     ----------
-    scale_deviation : standard deviation of the logarithm of the wheel's true over its nominal diameter; 0: no wheel
-    begin, begin_deviation : m, where the train was at the first node
-    own_line : whether the line is known from satellite positions alone, and not between those far apart
-    anchored : whether its beginning is where the first of them is, and not elsewhere by `FAR`
-    wander : standard deviation of the common error of satellite positions, m
-    wander_stated : whether that is known; else the data say
-    scale : true over nominal diameter
+    scale_std : standard deviation of the logarithm of the wheel's true over its nominal diameter; 0: no wheel
+    start, start_std : position at the first node and its standard deviation, m
+    own_line : whether the line is known only from GNSS fixes, and not in long gaps between them
+    anchored : whether this line starts at the first fix; else its origin is unknown by `POSITION_STD`
+    bias_std : standard deviation of the bias of GNSS fixes, m
+    bias_stated : whether that is known; else the data determine it
+    scale : assumed wheel scale, true over nominal diameter
     """
 
-    scale_deviation: float
-    begin: float
-    begin_deviation: float
+    scale_std: float
+    start: float
+    start_std: float
     own_line: bool = False
     anchored: bool = True
-    wander: float = COMMON
-    wander_stated: bool = False
+    bias_std: float = GNSS_BIAS_STD
+    bias_stated: bool = False
     scale: float = 1.0
 
 
 @dataclass(frozen=True)
-class Rows:
-    """All readings of a ride in the order of time, (rows,) each, at nodes ``time``, (n,) in s.
+class ObservationRows:
+    """Observations of all sources in the order of time.
 
-    Of each step, ``stops`` says whether a train stops or starts in it, ``lost`` whether its wheel says nothing.
+    Parameters
+    ----------
+    time : (n,), times of the nodes, s
+    source, node, value, variance, stated : (rows,), see `PositionObservations`; node of each row
+    ends_standstill : (n - 1,), whether a standstill starts or ends in the step
+    odometer_fails : (n - 1,), whether the odometer fails in the step
     """
 
     time: Array
@@ -119,117 +129,145 @@ class Rows:
     value: Array
     variance: Array
     stated: Mask
-    stops: Mask
-    lost: Mask
+    ends_standstill: Mask
+    odometer_fails: Mask
 
-    def of(self, source: Source) -> Mask:
-        """Which rows are of that source."""
+    def measured_by(self, source: Source) -> Mask:
+        """Rows of one source, (rows,)."""
         return self.source == source
 
 
-def rows_of(
-    readings: Sequence[PositionObservations],
-    stands: Sequence[StandstillInterval],
-    dead: Sequence[StandstillInterval],
-    span: StandstillInterval,
-) -> Rows:
-    """All readings, with those of a train that stands, on nodes over a span of time, s.
-
-    ``dead`` : from when to when its wheel says nothing
-    """
-    times = [one.time for one in readings]
-    begin = min(span[0], *(float(t[0]) for t in times if len(t)))
-    end = max(span[1], *(float(t[-1]) for t in times if len(t)))
-    count = 2 + int(min((end - begin) / GRID, MOST * sum(map(len, times))))
-    grid = np.linspace(begin, end, count)
-    time = np.unique(np.concatenate([grid, *times]))
-    still = np.zeros(len(time), bool)
-    stops, lost = np.zeros(len(time) - 1, bool), np.zeros(len(time) - 1, bool)
-    for ends in stands:
-        still |= (time >= ends[0]) & (time <= ends[1])
-        for at in ends:
-            stops |= (time[1:] > at - GRID) & (time[:-1] < at + GRID)
-    for begin_, end_ in dead:
-        lost |= (time[1:] > begin_) & (time[:-1] < end_)
-    count = np.count_nonzero(still)
-    standing = PositionObservations(
-        Source.STANDING, time[still], np.zeros(count), np.full(count, STANDING**2)
-    )
-    readings = [*readings, standing]
-    node = np.searchsorted(time, np.concatenate([one.time for one in readings]))
-    order = np.argsort(node, kind="stable")
-    source = np.concatenate([np.full(len(one.time), one.source, object) for one in readings])
-    value, variance = (
-        np.concatenate([getattr(one, name) for one in readings]) for name in ("value", "variance")
-    )
-    stated = np.concatenate([np.full(len(one.time), one.stated) for one in readings])
-    return Rows(
-        time, source[order], node[order], value[order], variance[order], stated[order], stops, lost
-    )
-
-
-def chain_of(
-    rows: Rows, assumed: PositionPrior, speed: Array, slip: Array, jerk: Array
-) -> tuple[GaussMarkovChain, Array]:
-    """The chain, and the values of its rows, about a ``speed`` at the nodes, m/s.
+@dataclass(frozen=True)
+class WheelIntervals:
+    """Intervals of time, s, in which the wheel does not turn.
 
     Parameters
     ----------
-    slip, jerk : (steps,), variances of the wheel's slip in m² and of a change of the acceleration in (m/s²)²
+    standstills : in which the train does not move either
+    failures : in which the train moves and the odometer fails
+    """
+
+    standstills: Sequence[StandstillInterval] = ()
+    failures: Sequence[StandstillInterval] = ()
+
+
+def observation_rows(
+    observations: Sequence[PositionObservations],
+    intervals: WheelIntervals,
+    span: tuple[float, float],
+) -> ObservationRows:
+    """All observations, and zero speeds at standstill, at the nodes.
+
+    Parameters
+    ----------
+    observations : at most one per source
+    span : first and last time for which the position is wanted, s
+    """
+    time = _nodes([one.time for one in observations], span)
+    standing = np.zeros(len(time), bool)
+    ends, fails = np.zeros(len(time) - 1, bool), np.zeros(len(time) - 1, bool)
+    for interval in intervals.standstills:
+        standing |= (time >= interval[0]) & (time <= interval[1])
+        for end in interval:
+            ends |= (time[1:] > end - NODE_INTERVAL) & (time[:-1] < end + NODE_INTERVAL)
+    for start, end in intervals.failures:
+        fails |= (time[1:] > start) & (time[:-1] < end)
+    count = np.count_nonzero(standing)
+    zero_speed = PositionObservations(
+        Source.STANDSTILL, time[standing], np.zeros(count), np.full(count, STANDSTILL_STD**2)
+    )
+    every = [*observations, zero_speed]
+    node = np.searchsorted(time, np.concatenate([one.time for one in every]))
+    order = np.argsort(node, kind="stable")
+    source = np.concatenate([np.full(len(one.time), one.source, object) for one in every])
+    stated = np.concatenate([np.full(len(one.time), one.stated) for one in every])
+    value = np.concatenate([one.value for one in every])
+    variance = np.concatenate([one.variance for one in every])
+    return ObservationRows(
+        time, source[order], node[order], value[order], variance[order], stated[order], ends, fails
+    )
+
+
+def _nodes(times: Sequence[Array], span: tuple[float, float]) -> Array:
+    """Times of the nodes, s: those of all observations and a regular grid."""
+    start = min(span[0], *(float(one[0]) for one in times if len(one)))
+    end = max(span[1], *(float(one[-1]) for one in times if len(one)))
+    limit = MAX_NODES_PER_OBSERVATION * sum(map(len, times))
+    count = 2 + int(min((end - start) / NODE_INTERVAL, limit))
+    return np.unique(np.concatenate([np.linspace(start, end, count), *times]))
+
+
+def position_chain(
+    rows: ObservationRows, prior: PositionPrior, speed: Array, slip: Array, jerk: Array
+) -> tuple[GaussMarkovChain, Array]:
+    """Model linearised about a speed.
+
+    Parameters
+    ----------
+    speed : (n,), at the nodes, m/s
+    slip, jerk : (n - 1,), variances of a jump of the slip, m², and of the acceleration, (m/s²)², at the end of each step
+
+    Returns
+    -------
+    chain
+    values : (rows,), observations as the chain's states predict them
     """
     dt = np.diff(rows.time)
-    run = 0.5 * (speed[1:] + speed[:-1]) * dt
-    F, noise = _steps(dt, run, assumed)
-    if assumed.own_line:
-        noise[:, ORIGIN, ORIGIN] = BENT**2 * dt + _unseen(rows, run)
-    noise[:, SLIP, SLIP] += slip + FAR**2 * rows.lost
-    noise[:, A, A] += jerk + HARDEST**2 * np.minimum(dt / GRID, 1.0) * rows.stops
+    distance = 0.5 * (speed[1:] + speed[:-1]) * dt
+    F, noise = _transitions(dt, distance, prior)
+    if prior.own_line:
+        noise[:, LENGTH_ERROR, LENGTH_ERROR] = LENGTH_WALK**2 * dt + _gap_variance(rows, distance)
+    noise[:, SLIP, SLIP] += slip + POSITION_STD**2 * rows.odometer_fails
+    noise[:, A, A] += (
+        jerk + ACCELERATION_STD**2 * np.minimum(dt / NODE_INTERVAL, 1.0) * rows.ends_standstill
+    )
     values, h = rows.value.copy(), np.zeros((len(rows.node), 8))
-    for source, reads in _READS.items():
-        h[np.ix_(rows.of(source), reads)] = 1.0
-    fix_speed = rows.of(Source.FIX_SPEED)
-    h[fix_speed, SCALE] = speed[rows.node[fix_speed]]
-    wheel = rows.of(Source.ROLLED)
-    values[wheel | rows.of(Source.SHOWN)] *= assumed.scale
-    mean, P = np.zeros(8), np.zeros((8, 8))
-    mean[V], P[V, V], P[A, A] = speed[0], FASTEST**2, HARDEST**2
-    mean[D], P[D, D] = assumed.begin, assumed.begin_deviation**2
-    mean[SCALE], P[SCALE, SCALE] = -np.log(assumed.scale), assumed.scale_deviation**2
-    P[WANDER, WANDER] = assumed.wander**2
-    P[ORIGIN, ORIGIN] = FAR**2 * (assumed.own_line and not assumed.anchored)
-    if wheel.any():
-        first = int(np.argmax(wheel))
-        mean[SLIP] = values[first] - np.sum(run[: rows.node[first]])
-        P[SLIP, SLIP] = FAR**2
+    for source, states in _OBSERVED_STATES.items():
+        h[np.ix_(rows.measured_by(source), states)] = 1.0
+    gnss_speed = rows.measured_by(Source.GNSS_SPEED)
+    h[gnss_speed, SCALE] = speed[rows.node[gnss_speed]]
+    odometry = rows.measured_by(Source.ODOMETRY)
+    values[odometry | rows.measured_by(Source.DISPLAYED_SPEED)] *= prior.scale
+    mean, P = _initial_state(prior, float(speed[0]))
+    if odometry.any():
+        first = int(np.argmax(odometry))
+        mean[SLIP] = values[first] - np.sum(distance[: rows.node[first]])
+        P[SLIP, SLIP] = POSITION_STD**2
     return GaussMarkovChain(mean[:, None], P, F, noise, rows.node, h), values
 
 
-def _steps(dt: Array, run: Array, assumed: PositionPrior) -> tuple[Array, Array]:
-    """What happens from node to node: matrices (steps, 8, 8) and covariances."""
+def _initial_state(prior: PositionPrior, speed: float) -> tuple[Array, Array]:
+    """Mean, (8,), and covariance, (8, 8), of the state at the first node, without the slip."""
+    mean, P = np.zeros(8), np.zeros((8, 8))
+    mean[V], P[V, V], P[A, A] = speed, SPEED_STD**2, ACCELERATION_STD**2
+    mean[D], P[D, D] = prior.start, prior.start_std**2
+    mean[SCALE], P[SCALE, SCALE] = -np.log(prior.scale), prior.scale_std**2
+    P[BIAS, BIAS] = prior.bias_std**2
+    P[LENGTH_ERROR, LENGTH_ERROR] = POSITION_STD**2 * (prior.own_line and not prior.anchored)
+    return mean, P
+
+
+def _transitions(dt: Array, distance: Array, prior: PositionPrior) -> tuple[Array, Array]:
+    """Transition matrices and noise covariances of the steps, (steps, 8, 8) each."""
     F = np.tile(np.eye(8), (len(dt), 1, 1))
-    F[:, Q, V] = F[:, V, A] = dt
-    F[:, Q, A] = 0.5 * dt**2
-    F[:, D, SCALE] = run
-    F[:, WANDER, WANDER] = np.exp(-dt / WANDERED)
     noise = np.zeros_like(F)
-    for i, j, power, share in (
-        (Q, Q, 5, 20), (Q, V, 4, 8), (Q, A, 3, 6), (V, V, 3, 3), (V, A, 2, 2), (A, A, 1, 1),
-    ):  # fmt: skip
-        noise[:, i, j] = noise[:, j, i] = ACCELERATION_WALK**2 * dt**power / share
-    if assumed.scale_deviation > 0.0:
-        noise[:, SLIP, SLIP] = ROLLING**2 * np.abs(run)
-        noise[:, SCALE, SCALE] = WEAR**2 * dt
-    noise[:, WANDER, WANDER] = assumed.wander**2 * (1.0 - F[:, WANDER, WANDER] ** 2)
+    F[:, :3, :3], noise[:, :3, :3] = wiener_acceleration(dt, ACCELERATION_WALK)
+    F[:, D, SCALE] = distance
+    F[:, BIAS, BIAS] = np.exp(-dt / GNSS_BIAS_TIME)
+    if prior.scale_std > 0.0:
+        noise[:, SLIP, SLIP] = SLIP_WALK**2 * np.abs(distance)
+        noise[:, SCALE, SCALE] = SCALE_WALK**2 * dt
+    noise[:, BIAS, BIAS] = prior.bias_std**2 * (1.0 - F[:, BIAS, BIAS] ** 2)
     return F, noise
 
 
-def _unseen(rows: Rows, run: Array) -> Array:
-    """Of each step, the variance, m², of the length of a line that is known from satellite positions alone."""
-    seen = np.unique(rows.node[rows.of(Source.FIX)])
-    inner = np.arange(len(run))
-    gap = np.searchsorted(seen, inner, side="right")
-    length = np.bincount(gap, run, minlength=len(seen) + 1)
-    wrong = np.minimum(UNSEEN * length, CURVED * length**3)
-    # What comes before the first and after the last position is no part of the line.
-    wrong[[0, -1]] = 0.0
-    return (wrong[gap] ** 2) * run / np.maximum(length[gap], 1e-9)
+def _gap_variance(rows: ObservationRows, distance: Array) -> Array:
+    """Variance, (steps,) m², of the length of a line in the gaps between the GNSS fixes that define it."""
+    fixes = np.unique(rows.node[rows.measured_by(Source.GNSS_POSITION)])
+    steps = np.arange(len(distance))
+    gap = np.searchsorted(fixes, steps, side="right")
+    length = np.bincount(gap, distance, minlength=len(fixes) + 1)
+    error = np.minimum(LONG_GAP_ERROR * length, SHORT_GAP_ERROR * length**3)
+    # The line ends at the first and at the last fix.
+    error[[0, -1]] = 0.0
+    return (error[gap] ** 2) * distance / np.maximum(length[gap], 1e-9)

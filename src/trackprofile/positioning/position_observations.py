@@ -1,4 +1,4 @@
-"""From what was recorded to readings that a smoother takes, each with its own noise; and when a train stood."""
+"""Observations of position and speed with their noise, from each source; intervals of standstill."""
 
 from __future__ import annotations
 
@@ -20,54 +20,60 @@ from trackprofile.positioning.sources import (
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
 StandstillInterval = tuple[float, float]
+"""First and last time of a standstill, s."""
 
 CELL = 0.25
-"""s: of anything that is recorded more often, what comes later says the same again."""
+"""s; of a source that is recorded more often, one value per cell of this duration is used."""
 
-PULSE = 0.005
-"""m by which a pulse comes early or late."""
+PULSE_STD = 0.005
+"""m, standard deviation of the location of a pulse."""
 
-SHOWS = 0.05
-"""m/s by which a speed that is shown is off, beside its steps."""
+DISPLAY_STD = 0.05
+"""m/s, standard deviation of a displayed speed besides its quantisation."""
 
-DOPPLER = 0.1
-"""m/s: usual standard deviation of a speed by Doppler."""
+GNSS_SPEED_STD = 0.1
+"""m/s, initial standard deviation of a Doppler speed."""
 
-FIX = 3.0
-"""m: usual standard deviation of a satellite position along a line, beside the errors that stay for minutes."""
+GNSS_POSITION_STD = 3.0
+"""m, initial standard deviation of a GNSS fix along the line about the bias of the receiver."""
 
-CREEP = 0.3
-"""m/s, below which a train is not told from one that stands."""
+CREEP_SPEED = 0.3
+"""m/s, speed below which a moving train is not distinguished from one at standstill."""
 
-STILL = 3.0
-"""s that a train stands at least."""
+MIN_STANDSTILL = 3.0
+"""s, shortest standstill."""
 
-PASSED = 50.0
-"""m between two fixes, beyond any of their errors, from which a train ran whatever its wheel says."""
+MIN_MOVEMENT = 50.0
+"""m between GNSS fixes, beyond any of their errors, that proves a movement against the odometer."""
+
+MIN_FIXES = 6
+"""Number of GNSS fixes that prove a movement."""
 
 
 class Source(StrEnum):
-    """What can say where a train is or how fast it goes."""
+    """Kind of an observation of position or speed."""
 
-    FIX = "satellite positions"
-    FIX_SPEED = "satellite speed"
-    ROLLED = "odometer"
-    SHOWN = "speed"
+    GNSS_POSITION = "GNSS fixes"
+    GNSS_SPEED = "GNSS speed"
+    ODOMETRY = "odometer"
+    DISPLAYED_SPEED = "displayed speed"
     POST = "kilometre posts"
-    STANDING = "standing"
+    STANDSTILL = "standstill"
 
 
 @dataclass(frozen=True)
 class PositionObservations:
-    """What one source said: (n,) each.
+    """Observations of one source.
 
     Parameters
     ----------
-    time : s, rising
-    value : m or m/s; of a wheel by its nominal diameter
-    variance : of its noise
-    stated : whether that is known; else the data say how much of it there is
+    source : what measured them
+    time : (n,), s, increasing
+    value : (n,), m or m/s; of a wheel with its nominal diameter
+    variance : (n,), noise variance, m² or m²/s²
+    stated : whether the variance is known; else it is a first value and the data determine it
     """
 
     source: Source
@@ -77,121 +83,139 @@ class PositionObservations:
     stated: bool = True
 
 
-def odometry_observations(rolled: WheelOdometry) -> PositionObservations:
-    """One reading in each cell: at the last pulse in it, else at its end.
+def odometry_observations(odometry: WheelOdometry) -> PositionObservations:
+    """One observation per cell of 0.25 s: at its last pulse, or at its end if it has none.
 
-    A pulse between two samples tells the place to what rolled meanwhile; without one it is told to a pulse.
+    A pulse lies somewhere between the sample that counts it and the one before; without a pulse the distance is
+    somewhere within one pulse. Both are uniform errors, of variance width²/12.
     """
-    time, counted, step = rolled.time, rolled.distance, rolled.step
-    fresh = np.diff(counted, prepend=counted[:1]) > 0
+    time, distance, step = odometry.time, odometry.distance, odometry.step
+    counts = np.diff(distance, prepend=distance[:1]) > 0
     cell = np.floor((time - time[0]) / CELL).astype(np.int64)
     index = np.arange(len(time))
     last = np.flatnonzero(np.diff(cell, append=cell[-1] + 1))
     first = np.concatenate([[0], last[:-1] + 1])
-    latest = np.maximum.accumulate(np.where(fresh, index, -1))[last]
-    pulsed = latest >= first
-    at = np.where(pulsed, latest, last)
-    speed = np.gradient(counted[at], time[at]) if len(at) > 1 else np.zeros(len(at))
+    latest = np.maximum.accumulate(np.where(counts, index, -1))[last]
+    has_pulse = latest >= first
+    at = np.where(has_pulse, latest, last)
+    speed = np.gradient(distance[at], time[at]) if len(at) > 1 else np.zeros(len(at))
     interval = np.diff(time, prepend=2 * time[0] - time[min(1, len(time) - 1)])
-    since = np.minimum(step, np.abs(speed) * interval[at])
-    width = np.where(pulsed, since, step)
-    value = counted[at] + 0.5 * width
-    return PositionObservations(Source.ROLLED, time[at], value, width**2 / 12.0 + PULSE**2)
+    since_sample = np.minimum(step, np.abs(speed) * interval[at])
+    width = np.where(has_pulse, since_sample, step)
+    value = distance[at] + 0.5 * width
+    return PositionObservations(
+        Source.ODOMETRY, time[at], value, width**2 / 12.0 + PULSE_STD**2
+    )
 
 
-def displayed_speed_observations(shown: DisplayedSpeed) -> PositionObservations:
-    """Means over a cell; what stays in one step says so once.
+def displayed_speed_observations(displayed: DisplayedSpeed) -> PositionObservations:
+    """Mean speed of each second; n means in one quantisation step have n times the variance, as they are one value.
 
-    A display shows zero where it cannot tell, below some walking speed.
+    A displayed zero may be any speed up to `CREEP_SPEED`: wheel sensors do not measure slow rotation.
     """
-    at, speed = _cell_means(shown.time, shown.speed, 1.0)
-    value = np.round(speed / shown.step) if shown.step > 0 else np.arange(float(len(speed)))
-    starts = np.concatenate([[True], np.diff(value) != 0])
+    time, speed = _cell_means(displayed.time, displayed.speed, 1.0)
+    level = (
+        np.round(speed / displayed.step) if displayed.step > 0 else np.arange(float(len(speed)))
+    )
+    starts = np.concatenate([[True], np.diff(level) != 0])
     count = np.bincount(np.cumsum(starts) - 1)[np.cumsum(starts) - 1]
-    noise = shown.step**2 / 12.0 + SHOWS**2 + np.where(speed == 0.0, CREEP**2, 0.0)
-    return PositionObservations(Source.SHOWN, at, speed, noise * count)
+    zero = np.where(speed == 0.0, CREEP_SPEED**2, 0.0)
+    noise = displayed.step**2 / 12.0 + DISPLAY_STD**2 + zero
+    return PositionObservations(Source.DISPLAYED_SPEED, time, speed, noise * count)
 
 
 def gnss_speed_observations(fixes: GnssFixes) -> PositionObservations:
-    """The speed by Doppler, where there is one."""
+    """Doppler speeds, without repeated ones."""
     assert fixes.speed is not None
     known = np.isfinite(fixes.speed)
-    fresh = known & (np.diff(np.where(known, fixes.speed, -1.0), prepend=-1.0) != 0)
-    kept = _thinned(fixes.time, fresh)
-    value = fixes.speed[kept]
+    new = known & (np.diff(np.where(known, fixes.speed, -1.0), prepend=-1.0) != 0)
+    rows = _first_of_each_cell(fixes.time, new)
+    value = fixes.speed[rows]
     return PositionObservations(
-        Source.FIX_SPEED,
-        fixes.time[kept] - fixes.delay,
+        Source.GNSS_SPEED,
+        fixes.time[rows] - fixes.delay,
         value,
-        np.full(len(value), DOPPLER**2),
+        np.full(len(value), GNSS_SPEED_STD**2),
         stated=False,
     )
 
 
 def gnss_observations(
-    fixes: GnssFixes, kept: NDArray[np.intp], along: Array
+    fixes: GnssFixes, rows: NDArray[np.intp], distance: Array
 ) -> PositionObservations:
-    """Fixes that were brought to a line, at ``along`` m."""
-    deviation = FIX if fixes.deviation is None else fixes.deviation
+    """GNSS fixes matched to a line.
+
+    Parameters
+    ----------
+    rows : (n,), numbers of the fixes
+    distance : (n,), their distance along the line, m
+    """
+    std = GNSS_POSITION_STD if fixes.std is None else fixes.std
     return PositionObservations(
-        Source.FIX,
-        fixes.time[kept] - fixes.delay,
-        along + fixes.behind,
-        np.full(len(along), deviation**2),
-        stated=fixes.deviation is not None,
+        Source.GNSS_POSITION,
+        fixes.time[rows] - fixes.delay,
+        distance + fixes.antenna_offset,
+        np.full(len(distance), std**2),
+        stated=fixes.std is not None,
     )
 
 
-def post_observations(posts: KilometrePosts, distance: Array, speed: Array) -> PositionObservations:
-    """Posts that stand at ``distance`` m, passed at ``speed`` m/s."""
-    variance = posts.deviation**2 + (speed * posts.timing) ** 2
-    return PositionObservations(Source.POST, posts.time, distance + posts.behind, variance)
+def post_observations(
+    posts: KilometrePosts, distance: Array, speed: Array
+) -> PositionObservations:
+    """Kilometre posts at distances, (n,) m, passed at speeds, (n,) m/s."""
+    variance = posts.std**2 + (speed * posts.time_std) ** 2
+    return PositionObservations(Source.POST, posts.time, distance + posts.offset, variance)
 
 
-def fresh_fixes(fixes: GnssFixes) -> NDArray[np.intp]:
-    """Fixes that are there, and are not the one before written again."""
-    there = np.isfinite(fixes.latitude) & np.isfinite(fixes.longitude)
-    # Receivers without a fix say the Gulf of Guinea.
-    there &= (fixes.latitude != 0.0) | (fixes.longitude != 0.0)
-    at = np.flatnonzero(there)
-    again = np.zeros(len(fixes.time), bool)
-    again[at[1:]] = (np.diff(fixes.latitude[at]) == 0) & (np.diff(fixes.longitude[at]) == 0)
-    return _thinned(fixes.time, there & ~again)
+def valid_fixes(fixes: GnssFixes) -> NDArray[np.intp]:
+    """Numbers of the fixes that exist and do not repeat the one before, at most one per cell of 0.25 s."""
+    valid = np.isfinite(fixes.latitude) & np.isfinite(fixes.longitude)
+    # Receivers without a fix report 0° N 0° E.
+    valid &= (fixes.latitude != 0.0) | (fixes.longitude != 0.0)
+    at = np.flatnonzero(valid)
+    repeated = np.zeros(len(fixes.time), bool)
+    repeated[at[1:]] = (np.diff(fixes.latitude[at]) == 0) & (np.diff(fixes.longitude[at]) == 0)
+    return _first_of_each_cell(fixes.time, valid & ~repeated)
 
 
-def odometry_standstills(rolled: WheelOdometry) -> list[StandstillInterval]:
-    """From when to when no pulse came for longer than a creeping train would leave between some of them, s."""
-    counted = np.diff(rolled.distance) > 0
-    at = rolled.time[np.concatenate([[0], 1 + np.flatnonzero(counted), [len(rolled.time) - 1]])]
-    least = max(STILL, 3 * rolled.step / CREEP)
-    # The last pulse before a stop, and the first after, are some time off from it.
-    rest = np.sqrt(2 * rolled.step / CREEP)
-    return [(float(a + rest), float(b - rest)) for a, b in pairwise(at) if b - a > least + 2 * rest]
+def odometry_standstills(odometry: WheelOdometry) -> list[StandstillInterval]:
+    """Intervals without a pulse that are longer than those of a train at `CREEP_SPEED`."""
+    counts = np.diff(odometry.distance) > 0
+    rows = np.concatenate([[0], 1 + np.flatnonzero(counts), [len(odometry.time) - 1]])
+    shortest = max(MIN_STANDSTILL, 3 * odometry.step / CREEP_SPEED)
+    # The last pulse before a standstill and the first one after it are this far from it in time.
+    margin = np.sqrt(2 * odometry.step / CREEP_SPEED)
+    return [
+        (float(a + margin), float(b - margin))
+        for a, b in pairwise(odometry.time[rows])
+        if b - a > shortest + 2 * margin
+    ]
 
 
 def speed_standstills(time: Array, speed: Array) -> list[StandstillInterval]:
-    """From when to when a speed, (n,), was none but for noise, s."""
+    """Intervals in which a speed, (n,) m/s, does not exceed its noise."""
     at, mean = _cell_means(time, speed, 1.0)
-    slow = median_filter(mean, 5, mode="nearest") < CREEP
-    found = [(float(at[run.start]), float(at[run.stop - 1])) for run in runs(slow)]
-    return [(a + 0.5, b - 0.5) for a, b in found if b - a > STILL + 1.0]
+    slow = median_filter(mean, 5, mode="nearest") < CREEP_SPEED
+    intervals = [(float(at[run.start]), float(at[run.stop - 1])) for run in runs(slow)]
+    return [(a + 0.5, b - 0.5) for a, b in intervals if b - a > MIN_STANDSTILL + 1.0]
 
 
-def ran(stand: StandstillInterval, fixes: PositionObservations | None) -> bool:
-    """Whether fixes show that a train ran while its wheel said that it stood."""
+def moved_by_gnss(interval: StandstillInterval, fixes: PositionObservations | None) -> bool:
+    """Whether GNSS fixes prove that the train moved in an interval in which its wheel stood still."""
     if fixes is None:
         return False
-    inside = (fixes.time >= stand[0]) & (fixes.time <= stand[1])
+    inside = (fixes.time >= interval[0]) & (fixes.time <= interval[1])
     values = fixes.value[inside]
-    if len(values) < 6:
+    if len(values) < MIN_FIXES:
         return False
     third = len(values) // 3
-    return bool(abs(np.median(values[-third:]) - np.median(values[:third])) > PASSED)
+    return bool(abs(np.median(values[-third:]) - np.median(values[:third])) > MIN_MOVEMENT)
 
 
-def _thinned(time: Array, there: Mask) -> NDArray[np.intp]:
-    """Those that are there, the first in each cell."""
-    at = np.flatnonzero(there)
+def _first_of_each_cell(time: Array, valid: Mask) -> NDArray[np.intp]:
+    """Numbers of the first valid row in each cell."""
+    at = np.flatnonzero(valid)
     if not len(at):
         return at
     cell = np.floor((time[at] - time[at[0]]) / CELL + 1e-6)
@@ -199,11 +223,12 @@ def _thinned(time: Array, there: Mask) -> NDArray[np.intp]:
 
 
 def _cell_means(time: Array, values: Array, cell: float) -> tuple[Array, Array]:
+    """Means of times and of known values in each cell, s, that holds any."""
     known = np.isfinite(values)
     number = np.floor((time[known] - time[0]) / cell).astype(np.int64)
     count = np.bincount(number)
-    there = count > 0
+    filled = count > 0
     mean_time, mean = (
-        np.bincount(number, one)[there] / count[there] for one in (time[known], values[known])
+        np.bincount(number, one)[filled] / count[filled] for one in (time[known], values[known])
     )
     return mean_time, mean

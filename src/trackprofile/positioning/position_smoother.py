@@ -1,9 +1,9 @@
-"""Where a train was, how fast it went, and how well that is known: all sources through one smoother.
+"""Position and speed of a train from all sources, by one robust smoother.
 
-The smoother keeps its head as that of the profile does (:mod:`trackprofile.kalman.robust`): each reading is told by
-all the others, and one that is ``BEYOND`` standard deviations off is given the noise that it shows. Where the slope of
-the likelihood over a jump says so, the wheel slips, or the acceleration changes. A source whose noise nobody states is
-given the one that it shows.
+The model of `trackprofile.positioning.position_model` is smoothed with iteratively reweighted noise
+(`trackprofile.kalman.reweighting`): an outlier is given the noise variance that it shows, a source whose noise is not
+stated the noise ratio of its residuals, and where the score of a jump is significant the wheel slips or the acceleration
+changes. Each iteration linearises the model about the speed of the one before.
 """
 
 from __future__ import annotations
@@ -16,317 +16,359 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from trackprofile.kalman.chain import ChainPosterior, log_likelihood, smooth_chain
+from trackprofile.kalman.reweighting import (
+    NOISE_RATIO_THRESHOLD,
+    OUTLIER_THRESHOLD,
+    Iteration,
+    LeaveOneOutResiduals,
+    is_converged,
+    jump_statistics,
+    limited_change,
+    reweight,
+)
 from trackprofile.positioning.position_model import (
     SCALE,
     SLIP,
     A,
     D,
+    ObservationRows,
     PositionPrior,
     Q,
-    Rows,
     V,
-    chain_of,
-    rows_of,
+    WheelIntervals,
+    observation_rows,
+    position_chain,
 )
-from trackprofile.positioning.position_observations import (
-    PositionObservations,
-    Source,
-    StandstillInterval,
-)
+from trackprofile.positioning.position_observations import PositionObservations, Source
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-BEYOND = 5.0
-"""Standard deviations: of ten million good readings six are beyond."""
+KEPT_OUTLIER_THRESHOLD = 4.0
+"""Standard deviations beyond which an outlier of the last iteration remains one, so that the iteration ends."""
 
-STAYS = 4.0
-"""Standard deviations beyond which one that was so far off stays an outlier, so that the rounds end."""
+MAX_NOISE_CHANGE = 4.0
+"""Largest factor by which the noise variance of a source changes in one iteration."""
 
-LOUDER = 3.0
-"""Times its variance that a source has to show before the noise that is stated of it is not believed."""
+MAX_SCALE_CHANGE = 0.05
+"""Largest change of the logarithm of the wheel scale in one iteration."""
 
-BOLDEST = 4.0
-"""Times by which the variance of a source may change in one round."""
+SCALE_TOLERANCE = 1e-5
+"""Largest change of the logarithm of the wheel scale in the last iteration."""
 
-BOLD = 0.05
-"""By which the logarithm of a wheel's scale may change in one round."""
+MIN_OBSERVATIONS = 10
+"""Smallest number of observations from which the noise of a source is estimated."""
 
-CHI_SQUARE_MEDIAN = 0.4549
-"""Of the square of a standard normal number."""
+MAX_ACCELERATION_JUMP = 1.2
+"""m/s², largest jump of a train's acceleration; a wheel with a larger one slips."""
 
-FEWEST = 10
-"""Readings that tell a source's noise."""
+SLIP_STD = 1.0
+"""m, standard deviation of a jump of the slip in a step while the wheel slips: more than the other sources leave open."""
 
-LEAST_TOLD = 1e-9
-"""Share of the greatest precision below which nothing is told of a jump: at the very ends of a ride."""
+SLIP_DURATION = 1.5
+"""s before and after a detected slip in which the wheel may slip."""
 
-SUDDEN = 1.2
-"""m/s²: the most by which a train changes its acceleration at once; a wheel that does more slips."""
+JUMP_SEPARATION = 10.0
+"""s, shortest interval between two jumps that are detected in one iteration."""
 
-FREE = 1.0
-"""m by which a wheel that slips may do so in a step: more than what is known without it."""
+ODOMETRY_OUTLIERS_FROM = 3
+"""Iteration from which odometer values can be outliers: slips are detected first."""
 
-SLIPPING = 1.5
-"""s about where a wheel slips, over which it is not believed."""
+MAX_ITERATIONS = 25
 
-APART = 10.0
-"""s about the clearest jump in which no other is taken in the same round."""
+TOLERANCE = 0.05
+"""Largest change of a noise variance's logarithm in the last iteration."""
 
-WHEEL_FIRST = 3
-"""The round from which a wheel's readings can be outliers: before, its slips are looked for."""
+LOG_NOISE_STD = 1.0
+"""Prior standard deviation of the logarithm of a standard deviation that is not stated, about its typical value."""
 
-MOST_ROUNDS = 25
-
-SETTLED = 0.05
-"""Change of the logarithm of every variance below which the rounds end."""
-
-UNLIKELY = 1.0
-"""Standard deviation of the logarithms of noises that nobody states, about their usual ones."""
+MAX_SPEED = 100.0
+"""m/s, largest initial speed that is derived from positions."""
 
 
 @dataclass(frozen=True)
 class PositionWeights:
-    """What is believed of each reading and step.
+    """Variances that replace the stated ones.
 
     Parameters
     ----------
-    level : by source, its noise variance over the one that was thought
-    own : (rows,), noise variance of readings that have one of their own, else 0
-    slip : (steps,), variance of the wheel's slip, m²
-    jerk : (steps,), variance of a change of the acceleration, (m/s²)²
+    noise_ratio : by source, noise variance over the stated or typical one
+    outlier_variance : (rows,), noise variance of outliers, m² or m²/s²; else 0
+    slip_variance : (steps,), variance of a jump of the wheel slip, m²
+    jerk_variance : (steps,), variance of a jump of the acceleration, (m/s²)²
     """
 
-    level: Mapping[Source, float]
-    own: Array
-    slip: Array
-    jerk: Array
+    noise_ratio: Mapping[Source, float]
+    outlier_variance: Array
+    slip_variance: Array
+    jerk_variance: Array
 
-    def noise(self, rows: Rows) -> Array:
+    def noise(self, rows: ObservationRows) -> Array:
         """Noise variance of each row, (rows,)."""
-        level = np.array([self.level[one] for one in rows.source])
-        return np.where(self.own > 0.0, self.own, level * rows.variance)
+        return np.where(
+            self.outlier_variance > 0.0, self.outlier_variance, self.ratio(rows) * rows.variance
+        )
+
+    def ratio(self, rows: ObservationRows) -> Array:
+        """Noise ratio of each row's source, (rows,)."""
+        return np.array([self.noise_ratio[one] for one in rows.source])
 
 
 @dataclass(frozen=True)
 class PositionEstimate:
-    """What all readings make of a ride, at the nodes (n,).
+    """Posterior of the position and speed of a train at the nodes.
 
     Parameters
     ----------
-    time, distance, speed, acceleration : s, m, m/s, m/s²
-    deviation : standard deviation of the distance, m
-    scale, scale_deviation : true over nominal diameter of the wheel at the end, and how well its logarithm is known
-    wander : standard deviation of the common error of satellite positions, m
-    rows, weights : the readings and what was believed of them
-    slipped : (n,), by how far the wheel had slipped, m
-    rounds : how many it took
+    time, distance, speed, acceleration : (n,), s, m, m/s, m/s²
+    standard_deviation : (n,), of the distance, m
+    scale, scale_std : true over nominal wheel diameter at the last node; standard deviation of its logarithm
+    bias_std : standard deviation of the bias of GNSS fixes, m
+    rows, weights : observations and their adapted variances
+    slip : (n,), accumulated wheel slip, m
+    iterations : their number
     """
 
     time: Array
     distance: Array
     speed: Array
     acceleration: Array
-    deviation: Array
+    standard_deviation: Array
     scale: float
-    scale_deviation: float
-    wander: float
-    rows: Rows
+    scale_std: float
+    bias_std: float
+    rows: ObservationRows
     weights: PositionWeights
-    slipped: Array
-    rounds: int
-
-
-def smooth_position(
-    readings: Sequence[PositionObservations],
-    stands: Sequence[StandstillInterval],
-    dead: Sequence[StandstillInterval],
-    assumed: PositionPrior,
-    span: StandstillInterval,
-) -> PositionEstimate:
-    """Smooth all readings, weigh down what disagrees, and again until nothing changes.
-
-    Parameters
-    ----------
-    readings : of each source at most one
-    stands, dead : from when to when the train stood, and its wheel said nothing, s
-    span : first and last time that are asked for, s
-    """
-    rows = rows_of(readings, stands, dead, span)
-    weights = PositionWeights(
-        dict.fromkeys(Source, 1.0),
-        np.zeros(len(rows.value)),
-        np.zeros(len(rows.time) - 1),
-        np.zeros(len(rows.time) - 1),
-    )
-    speed = rough_speed(rows)
-    settled = _settled(rows, assumed, weights, speed)
-    fixes = rows.of(Source.FIX)
-    if np.count_nonzero(fixes) >= FEWEST and not (assumed.wander_stated and rows.stated[fixes][0]):
-        likelier = _with_likely_noise(rows, settled)
-        settled = _settled(rows, likelier.assumed, likelier.weights, likelier.speed)
-    return _travel(rows, settled)
+    slip: Array
+    iterations: int
 
 
 @dataclass(frozen=True)
-class _Settled:
-    found: ChainPosterior
-    assumed: PositionPrior
+class _State:
+    """Variances, prior and linearisation speed, (n,) m/s, of an iteration."""
+
     weights: PositionWeights
+    prior: PositionPrior
     speed: Array
-    rounds: int
 
 
-def _settled(
-    rows: Rows, assumed: PositionPrior, weights: PositionWeights, speed: Array
-) -> _Settled:
-    rounds = 0
-    while True:
-        rounds += 1
-        chain, values = chain_of(rows, assumed, speed, weights.slip, weights.jerk)
-        found = smooth_chain(chain, values[:, None], weights.noise(rows))
-        again = _judged(weights, rows, found, outliers_of_wheel=rounds >= WHEEL_FIRST)
-        error = float(np.clip(np.median(found.state[:, SCALE, 0]), -BOLD, BOLD))
-        speed = np.maximum(found.state[:, V, 0], 0.0)
-        done = rounds >= WHEEL_FIRST and _same(again, weights) and abs(error) < 1e-5
-        if done or rounds == MOST_ROUNDS:
-            return _Settled(found, assumed, weights, speed, rounds)
-        weights = again
-        assumed = replace(assumed, scale=float(assumed.scale * np.exp(error)))
+@dataclass(frozen=True)
+class _Smoothed:
+    """Posterior of an iteration, its variances and prior, and the speed for the next linearisation."""
+
+    posterior: ChainPosterior
+    state: _State
+    iterations: int
 
 
-def _judged(
-    weights: PositionWeights, rows: Rows, found: ChainPosterior, *, outliers_of_wheel: bool
+def smooth_position(
+    observations: Sequence[PositionObservations],
+    intervals: WheelIntervals,
+    prior: PositionPrior,
+    span: tuple[float, float],
+) -> PositionEstimate:
+    """Position of a train from all observations, with outliers, slips and noise adapted to the data.
+
+    Parameters
+    ----------
+    observations : at most one per source
+    intervals : standstills and failures of the odometer
+    prior : initial state and wheel scale
+    span : first and last time for which the position is wanted, s
+    """
+    rows = observation_rows(observations, intervals, span)
+    steps = len(rows.time) - 1
+    weights = PositionWeights(
+        dict.fromkeys(Source, 1.0), np.zeros(len(rows.value)), np.zeros(steps), np.zeros(steps)
+    )
+    smoothed = _smooth(rows, _State(weights, prior, initial_speed(rows)))
+    fixes = rows.measured_by(Source.GNSS_POSITION)
+    all_stated = prior.bias_stated and rows.stated[fixes].all()
+    if np.count_nonzero(fixes) >= MIN_OBSERVATIONS and not all_stated:
+        smoothed = _smooth(rows, _with_likely_gnss_noise(rows, smoothed.state))
+    return _estimate(rows, smoothed)
+
+
+def _smooth(rows: ObservationRows, start: _State) -> _Smoothed:
+    def iterate(state: _State, number: int) -> Iteration[_State, _Smoothed]:
+        posterior = _posterior(rows, state)
+        weights = _adapted(state.weights, rows, posterior, number >= ODOMETRY_OUTLIERS_FROM)
+        error = float(
+            np.clip(np.median(posterior.state[:, SCALE, 0]), -MAX_SCALE_CHANGE, MAX_SCALE_CHANGE)
+        )
+        speed = np.maximum(posterior.state[:, V, 0], 0.0)
+        prior = replace(state.prior, scale=float(state.prior.scale * np.exp(error)))
+        converged = (
+            number >= ODOMETRY_OUTLIERS_FROM
+            and _is_converged(weights, state.weights)
+            and abs(error) < SCALE_TOLERANCE
+        )
+        result = _Smoothed(posterior, replace(state, speed=speed), number)
+        return Iteration(result, _State(weights, prior, speed), converged)
+
+    return reweight(iterate, start, MAX_ITERATIONS)
+
+
+def _posterior(rows: ObservationRows, state: _State) -> ChainPosterior:
+    weights = state.weights
+    chain, values = position_chain(
+        rows, state.prior, state.speed, weights.slip_variance, weights.jerk_variance
+    )
+    return smooth_chain(chain, values[:, None], weights.noise(rows))
+
+
+def _adapted(
+    last: PositionWeights,
+    rows: ObservationRows,
+    posterior: ChainPosterior,
+    odometry_outliers: bool,
 ) -> PositionWeights:
-    """The weights that the last round asks for."""
-    squares = np.square(found.error[:, 0])
-    level = {one: _level(one, weights, rows, found, squares) for one in weights.level}
-    noise = np.array([level[one] for one in rows.source]) * rows.variance
-    bar = np.where(weights.own > 0.0, STAYS, BEYOND)
-    far = squares > bar**2 * (noise + found.open)
-    far &= ~rows.of(Source.STANDING)
-    if not outliers_of_wheel:
-        far &= ~rows.of(Source.ROLLED)
-    own = np.where(far, squares - found.open, 0.0)
-    slip, jerk = _jumps(weights, rows, found)
-    return PositionWeights(level, own, slip, jerk)
+    """Variances for the next iteration; ``odometry_outliers``: whether odometer values may be outliers."""
+    residuals = posterior.leave_one_out()
+    ratio = {
+        source: _noise_ratio(source, last.noise_ratio[source], rows, residuals)
+        for source in last.noise_ratio
+    }
+    slip, jerk = _detected_jumps(last, rows, posterior)
+    weights = PositionWeights(ratio, last.outlier_variance, slip, jerk)
+    threshold = np.where(last.outlier_variance > 0.0, KEPT_OUTLIER_THRESHOLD, OUTLIER_THRESHOLD)
+    outlier = residuals.outlier_variance(weights.ratio(rows) * rows.variance, threshold**2)
+    never = rows.measured_by(Source.STANDSTILL)
+    if not odometry_outliers:
+        never |= rows.measured_by(Source.ODOMETRY)
+    return replace(weights, outlier_variance=np.where(never, 0.0, outlier))
 
 
-def _level(
-    source: Source, weights: PositionWeights, rows: Rows, found: ChainPosterior, squares: Array
+def _noise_ratio(
+    source: Source, last: float, rows: ObservationRows, residuals: LeaveOneOutResiduals
 ) -> float:
-    """Noise variance of a source over the one that was thought."""
-    here, level = rows.of(source), weights.level[source]
-    if source is Source.STANDING or np.count_nonzero(here) < FEWEST:
-        return level
-    expected = level * rows.variance[here] + found.open[here]
-    shown = float(np.median(squares[here] / expected)) / CHI_SQUARE_MEDIAN
-    bold = level * float(np.clip(shown, 1.0 / BOLDEST, BOLDEST))
-    if not rows.stated[here][0]:
-        return bold
-    return max(1.0, bold) if shown > LOUDER or level > 1.0 else level
+    """Noise variance of a source over the stated or typical one; a stated one is only increased."""
+    own = rows.measured_by(source)
+    if source is Source.STANDSTILL or np.count_nonzero(own) < MIN_OBSERVATIONS:
+        return last
+    shown = residuals.select(own).noise_ratio(last * rows.variance[own])
+    adapted = last * float(limited_change(np.float64(shown), MAX_NOISE_CHANGE))
+    if not rows.stated[own][0]:
+        return adapted
+    return max(1.0, adapted) if shown > NOISE_RATIO_THRESHOLD or last > 1.0 else last
 
 
-def _jumps(weights: PositionWeights, rows: Rows, found: ChainPosterior) -> tuple[Array, Array]:
-    """Variances of slips and changes of acceleration: those that still show, and the clearest others."""
-    far, size = {}, {}
-    for place, variance in ((SLIP, weights.slip), (A, weights.jerk)):
-        score, precision = found.score[:, place, 0], found.precision[:, place]
-        known = precision > LEAST_TOLD * np.max(precision, initial=0.0)
-        precise = np.where(known, precision, 1.0)
-        shown, without = np.square(score / precise), 1.0 / precise - variance
-        known &= without > LEAST_TOLD / precise
-        far[place] = np.where(known, shown, 0.0) / np.where(known, without, 1.0)
-        size[place] = np.maximum(shown - without, 0.0)
-    far[A][size[A] > SUDDEN**2] = 0.0
-    far[SLIP][rows.lost] = 0.0
-    slip = weights.slip.copy()
-    jerk = np.where(weights.jerk > 0.0, size[A], 0.0)
-    clear = np.maximum(far[SLIP], far[A]) * (weights.slip == 0.0) * (weights.jerk == 0.0)
+def _detected_jumps(
+    last: PositionWeights, rows: ObservationRows, posterior: ChainPosterior
+) -> tuple[Array, Array]:
+    """Variances of the jumps of slip and acceleration, (steps,): those that remain and the most significant new ones.
+
+    A jump of the acceleration beyond that of any train is a slip.
+    """
+    significance, variance = {}, {}
+    for state, modelled in ((SLIP, last.slip_variance), (A, last.jerk_variance)):
+        jump = jump_statistics(
+            posterior.jump_score[:, state, 0], posterior.jump_precision[:, state], modelled
+        )
+        valid = jump.determined & (jump.variance > jump.round_off)
+        significance[state] = np.where(valid, jump.square, 0.0) / np.where(valid, jump.variance, 1.0)
+        variance[state] = np.maximum(jump.square - jump.variance, 0.0)
+    significance[A][variance[A] > MAX_ACCELERATION_JUMP**2] = 0.0
+    significance[SLIP][rows.odometer_fails] = 0.0
+    slip = last.slip_variance.copy()
+    jerk = np.where(last.jerk_variance > 0.0, variance[A], 0.0)
+    largest = np.maximum(significance[SLIP], significance[A])
+    largest *= (last.slip_variance == 0.0) * (last.jerk_variance == 0.0)
     middle = 0.5 * (rows.time[1:] + rows.time[:-1])
-    while np.max(clear, initial=0.0) > BEYOND**2:
-        k = int(np.argmax(clear))
-        if far[SLIP][k] >= far[A][k]:
-            slip[np.abs(middle - middle[k]) < SLIPPING] = FREE**2
+    while np.max(largest, initial=0.0) > OUTLIER_THRESHOLD**2:
+        step = int(np.argmax(largest))
+        if significance[SLIP][step] >= significance[A][step]:
+            slip[np.abs(middle - middle[step]) < SLIP_DURATION] = SLIP_STD**2
         else:
-            jerk[k] = size[A][k]
-        clear[np.abs(middle - middle[k]) < APART] = 0.0
+            jerk[step] = variance[A][step]
+        largest[np.abs(middle - middle[step]) < JUMP_SEPARATION] = 0.0
     return slip, jerk
 
 
-def _same(a: PositionWeights, b: PositionWeights) -> bool:
-    change = max(abs(np.log(a.level[one] / b.level[one])) for one in a.level)
-    pairs = ((a.own, b.own), (a.slip, b.slip), (a.jerk, b.jerk))
-    return bool(
-        change < SETTLED and all(np.array_equal(one > 0.0, other > 0.0) for one, other in pairs)
+def _is_converged(new: PositionWeights, old: PositionWeights) -> bool:
+    ratio = np.array([new.noise_ratio[one] / old.noise_ratio[one] for one in new.noise_ratio])
+    return is_converged(
+        ratio,
+        TOLERANCE,
+        (new.outlier_variance, old.outlier_variance),
+        (new.slip_variance, old.slip_variance),
+        (new.jerk_variance, old.jerk_variance),
     )
 
 
-def _with_likely_noise(rows: Rows, settled: _Settled) -> _Settled:
-    """With the common error of satellite positions, and their own where nobody states it, that are the likeliest."""
-    weights, assumed = settled.weights, settled.assumed
-    # Logarithms of the wander over the usual one, and of the positions' own noise over theirs; those stated stay 0.
-    free = np.array([not assumed.wander_stated, not rows.stated[rows.of(Source.FIX)][0]])
-    level = weights.level[Source.FIX]
+def _with_likely_gnss_noise(rows: ObservationRows, state: _State) -> _State:
+    """State with the most likely bias and noise of the GNSS fixes, as far as they are not stated.
 
-    def at(logarithms: Array) -> tuple[PositionWeights, PositionPrior]:
-        wander, own = np.exp(_spread(logarithms, free))
-        return (
-            replace(
-                weights, level={**weights.level, Source.FIX: float(own**2) if free[1] else level}
-            ),
-            replace(assumed, wander=assumed.wander * float(wander)),
+    The logarithms of both standard deviations over their typical values have a Gaussian prior.
+    """
+    weights, prior = state.weights, state.prior
+    stated = rows.stated[rows.measured_by(Source.GNSS_POSITION)][0]
+    free = np.array([not prior.bias_stated, not stated])
+    ratio = weights.noise_ratio[Source.GNSS_POSITION]
+
+    def with_noise(logarithms: Array) -> _State:
+        every = np.zeros(len(free))
+        every[free] = logarithms
+        bias, noise = np.exp(every)
+        ratios = {
+            **weights.noise_ratio,
+            Source.GNSS_POSITION: float(noise**2) if free[1] else ratio,
+        }
+        return replace(
+            state,
+            weights=replace(weights, noise_ratio=ratios),
+            prior=replace(prior, bias_std=prior.bias_std * float(bias)),
         )
 
-    def improbability(logarithms: Array) -> float:
-        tried, about = at(logarithms)
-        chain, values = chain_of(rows, about, settled.speed, tried.slip, tried.jerk)
-        likelihood = log_likelihood(chain, values[:, None], tried.noise(rows))
-        return 0.5 * float(np.sum(np.square(logarithms))) / UNLIKELY**2 - likelihood
+    def cost(logarithms: Array) -> float:
+        trial = with_noise(logarithms)
+        chain, values = position_chain(
+            rows,
+            trial.prior,
+            trial.speed,
+            trial.weights.slip_variance,
+            trial.weights.jerk_variance,
+        )
+        likelihood = log_likelihood(chain, values[:, None], trial.weights.noise(rows))
+        return 0.5 * float(np.sum(np.square(logarithms))) / LOG_NOISE_STD**2 - likelihood
 
-    start = np.array([0.0, 0.5 * np.log(level)])[free]
-    simplex = np.vstack([start, start - UNLIKELY * np.eye(len(start))])
-    best = minimize(improbability, start, method="Nelder-Mead",
+    start = np.array([0.0, 0.5 * np.log(ratio)])[free]
+    simplex = np.vstack([start, start - LOG_NOISE_STD * np.eye(len(start))])
+    best = minimize(cost, start, method="Nelder-Mead",
                     options={"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.05}).x  # fmt: skip
-    tried, about = at(best)
-    return replace(settled, weights=tried, assumed=about)
+    return with_noise(best)
 
 
-def _spread(values: Array, free: Mask) -> Array:
-    spread = np.zeros(len(free))
-    spread[free] = values
-    return spread
-
-
-def rough_speed(rows: Rows) -> Array:
-    """At the nodes, m/s, by the first of the sources that say it."""
-    for source in (Source.SHOWN, Source.FIX_SPEED):
-        here = rows.of(source)
-        if np.count_nonzero(here) > 1:
-            return np.interp(rows.time, rows.time[rows.node[here]], rows.value[here])
-    for source in (Source.ROLLED, Source.FIX, Source.POST):
-        here = rows.of(source)
-        if np.count_nonzero(here) > 1:
-            place = np.interp(rows.time, rows.time[rows.node[here]], rows.value[here])
-            return np.clip(np.gradient(place, rows.time), 0.0, 100.0)
+def initial_speed(rows: ObservationRows) -> Array:
+    """Speed at the nodes, (n,) m/s, by the first source that has two observations: speeds, else slopes of positions."""
+    for source in (Source.DISPLAYED_SPEED, Source.GNSS_SPEED):
+        own = rows.measured_by(source)
+        if np.count_nonzero(own) > 1:
+            return np.interp(rows.time, rows.time[rows.node[own]], rows.value[own])
+    for source in (Source.ODOMETRY, Source.GNSS_POSITION, Source.POST):
+        own = rows.measured_by(source)
+        if np.count_nonzero(own) > 1:
+            position = np.interp(rows.time, rows.time[rows.node[own]], rows.value[own])
+            return np.clip(np.gradient(position, rows.time), 0.0, MAX_SPEED)
     return np.zeros(len(rows.time))
 
 
-def _travel(rows: Rows, settled: _Settled) -> PositionEstimate:
-    state, P = settled.found.state[:, :, 0], settled.found.covariance
+def _estimate(rows: ObservationRows, smoothed: _Smoothed) -> PositionEstimate:
+    posterior, prior = smoothed.posterior, smoothed.state.prior
+    state, P = posterior.state[:, :, 0], posterior.covariance
     error = state[:, SCALE]
     variance = P[:, Q, Q] + 2 * P[:, Q, D] + P[:, D, D]
     return PositionEstimate(
-        rows.time,
-        state[:, Q] + state[:, D],
-        state[:, V] * (1.0 + error),
-        state[:, A] * (1.0 + error),
-        np.sqrt(np.maximum(variance, 0.0)),
-        float(settled.assumed.scale * np.exp(error[-1])),
-        float(np.sqrt(max(P[-1, SCALE, SCALE], 0.0))),
-        settled.assumed.wander,
-        rows,
-        settled.weights,
-        state[:, SLIP],
-        settled.rounds,
+        time=rows.time,
+        distance=state[:, Q] + state[:, D],
+        speed=state[:, V] * (1.0 + error),
+        acceleration=state[:, A] * (1.0 + error),
+        standard_deviation=np.sqrt(np.maximum(variance, 0.0)),
+        scale=float(prior.scale * np.exp(error[-1])),
+        scale_std=float(np.sqrt(max(P[-1, SCALE, SCALE], 0.0))),
+        bias_std=prior.bias_std,
+        rows=rows,
+        weights=smoothed.state.weights,
+        slip=state[:, SLIP],
+        iterations=smoothed.iterations,
     )

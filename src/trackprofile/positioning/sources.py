@@ -1,4 +1,4 @@
-"""What a train records of where it was: satellite positions, pulses of a wheel, kilometre posts, a speed."""
+"""Position sources of a recording: GNSS fixes, wheel odometry, kilometre posts and displayed speed."""
 
 from __future__ import annotations
 
@@ -11,136 +11,157 @@ from trackprofile.errors import DataError
 from trackprofile.positioning.chainage import ChainageTable
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
-PLACED = "placed: "
-"""Begins a step of a recording's provenance that says where the train was, and how that was found."""
+POSITION_PREFIX = "positions: "
+"""Prefix of the provenance steps that state how the position of the train was estimated."""
 
-NOMINAL = 0.03
-"""Standard deviation of the logarithm of a wheel's true diameter over its nominal one: they wear by 8 %."""
+WHEEL_SCALE_STD = 0.03
+"""Default standard deviation of the logarithm of a wheel's true over its nominal diameter: wheels wear by 8 %."""
 
-WRAPS = (2.0**8, 2.0**16, 2.0**24, 2.0**32, 1e4, 1e5, 1e6)
-"""Where counters begin again."""
+COUNTER_RANGES = (2.0**8, 2.0**16, 2.0**24, 2.0**32, 1e4, 1e5, 1e6)
+"""Numbers of values after which a counter starts again at 0."""
 
-FULL = 0.9
-"""Share of that, which one that begins again has to come to."""
+MIN_WRAP_SHARE = 0.9
+"""Smallest share of its range that a counter which wraps must have reached."""
 
-RESET = 0.5
-"""Share of its reading, below which one that falls otherwise was reset; above, the wheel rolled back."""
+MIN_RESET_SHARE = 0.5
+"""Smallest share of its value by which a counter falls in a reset; a smaller fall is a wheel that rolled back."""
 
 
 @dataclass(frozen=True)
 class GnssFixes:
-    """Satellite positions.
+    """GNSS fixes at n times.
 
     Parameters
     ----------
     time : (n,), s
-    latitude, longitude : (n,), °, WGS 84; NaN where there was no fix
-    speed : (n,), m/s, by Doppler; None where it is not recorded
-    deviation : standard deviation of a fix along the line about the error that fixes have in common, m; None: found
-        from the data
-    wander : standard deviation of that error, which stays for minutes, m; None: found from the data
-    delay : s by which a fix is recorded late
-    behind : m by which the antenna stands behind the leading wheel
+    latitude, longitude : (n,), °, WGS 84; NaN without a fix
+    speed : (n,), m/s, Doppler speed; None if not recorded
+    std : standard deviation of a fix along the line about the bias of the receiver, m; None: estimated
+    bias_std : standard deviation of the bias, an error that lasts for minutes, m; None: estimated
+    delay : time by which a fix is recorded too late, s
+    antenna_offset : distance of the antenna behind the leading wheel, m
     """
 
     time: Array
     latitude: Array
     longitude: Array
     speed: Array | None = None
-    deviation: float | None = None
-    wander: float | None = None
+    std: float | None = None
+    bias_std: float | None = None
     delay: float = 0.0
-    behind: float = 0.0
+    antenna_offset: float = 0.0
 
 
 @dataclass(frozen=True)
 class WheelOdometry:
-    """How far a wheel rolled, by its nominal diameter.
+    """Distance that a wheel rolled, computed with its nominal diameter.
 
     Parameters
     ----------
-    time, distance : (n,), s and m, from any beginning
-    step : m between two pulses
-    deviation : of the logarithm of the true diameter over the nominal one
+    time, distance : (n,), s and m, from any origin
+    step : distance between two pulses, m
+    scale_std : standard deviation of the logarithm of the true over the nominal diameter
     """
 
     time: Array
     distance: Array
     step: float
-    deviation: float
+    scale_std: float
 
 
 @dataclass(frozen=True)
 class KilometrePosts:
-    """Kilometre posts passed.
+    """Passages of kilometre posts.
 
     Parameters
     ----------
     time, kilometre : (n,), s and km
-    deviation : m by which a post stands elsewhere than it says
-    timing : s by which its passing is marked early or late
-    behind : m by which what passes it stands behind the leading wheel
+    std : standard deviation of a post's location, m
+    time_std : standard deviation of the time of a passage, s
+    offset : distance of the detector of the posts behind the leading wheel, m
     """
 
     time: Array
     kilometre: Array
-    deviation: float
-    timing: float
-    behind: float = 0.0
+    std: float
+    time_std: float
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
 class DisplayedSpeed:
-    """A speed that the train shows, by a wheel: (n,), s and m/s; ``step`` in which it is recorded, m/s."""
+    """Speed that the train displays, measured at a wheel.
+
+    Parameters
+    ----------
+    time, speed : (n,), s and m/s
+    step : quantisation step of the record, m/s; 0: continuous
+    scale_std : standard deviation of the logarithm of the true over the nominal wheel diameter
+    """
 
     time: Array
     speed: Array
     step: float
-    deviation: float
+    scale_std: float
 
 
 @dataclass(frozen=True)
 class Sources:
-    """All that is known of where a train was, and the way that it took."""
+    """Position sources of a recording and the chainage table of the line; None where there is none."""
 
-    fixes: GnssFixes | None = None
-    rolled: WheelOdometry | None = None
+    gnss: GnssFixes | None = None
+    odometry: WheelOdometry | None = None
     posts: KilometrePosts | None = None
-    shown: DisplayedSpeed | None = None
-    way: ChainageTable | None = None
+    displayed_speed: DisplayedSpeed | None = None
+    chainage: ChainageTable | None = None
 
 
-def unwrapped(counter: Array) -> tuple[Array, int]:
-    """A counter's readings, (n,), as if it had never begun again, from 0; and how often it was reset.
+def unwrap_counter(counter: Array) -> tuple[Array, int]:
+    """Total count of a counter that wraps at the end of its range or is reset.
 
-    Where it falls from near the end of a range it wrapped; where it falls otherwise it was reset, and what it counted
-    in between is lost. Missing readings stay as they are.
+    A fall from near the end of a range is a wrap. Another fall by most of the value is a reset; the counts during a
+    reset are lost. Missing values stay missing.
+
+    Parameters
+    ----------
+    counter : (n,), values of the counter, upwards or downwards; NaN: missing
+
+    Returns
+    -------
+    total : (n,), counts since the first value
+    resets : number of resets
+
+    Raises
+    ------
+    DataError : fewer than two values are known.
 
     Examples
     --------
-    >>> unwrapped(np.array([65530.0, 65534.0, 2.0, 6.0]))
+    >>> unwrap_counter(np.array([65530.0, 65534.0, 2.0, 6.0]))
     (array([ 0.,  4.,  8., 12.]), 0)
-    >>> unwrapped(np.array([100.0, 104.0, 0.0, 3.0]))
+    >>> unwrap_counter(np.array([100.0, 104.0, 0.0, 3.0]))
     (array([0., 4., 4., 7.]), 1)
     """
     known = np.isfinite(counter)
-    readings = counter[known]
-    if len(readings) < 2:
-        raise DataError("the odometer: fewer than two readings are known; choose another column.")
-    steps = np.diff(readings)
+    values = counter[known]
+    if len(values) < 2:
+        raise DataError(
+            "The odometer has fewer than two known values, expected a count in most rows; choose another column."
+        )
+    steps = np.diff(values)
     if np.any(steps != 0) and np.median(steps[steps != 0]) < 0:
-        steps = -steps  # it counts down
+        steps = -steps  # the counter counts downwards
     falls = steps < 0
     resets = 0
     if falls.any():
-        most = float(np.max(readings))
-        range_ = next((one for one in WRAPS if FULL * one <= most < one), 0.0)
-        wrapped = falls & (np.abs(steps) > 0.5 * range_) & (range_ > 0.0)
-        lost = falls & ~wrapped & (np.abs(steps) > RESET * np.maximum(readings[:-1], readings[1:]))
-        steps = np.where(wrapped, steps + range_, np.where(lost, 0.0, steps))
-        resets = int(np.count_nonzero(lost))
-    found = np.full(len(counter), np.nan)
-    found[known] = np.concatenate([[0.0], np.cumsum(steps)])
-    return found, resets
+        largest = float(np.max(values))
+        size = next((one for one in COUNTER_RANGES if MIN_WRAP_SHARE * one <= largest < one), 0.0)
+        wraps = falls & (np.abs(steps) > 0.5 * size) & (size > 0.0)
+        reset = np.abs(steps) > MIN_RESET_SHARE * np.maximum(values[:-1], values[1:])
+        reset &= falls & ~wraps
+        steps = np.where(wraps, steps + size, np.where(reset, 0.0, steps))
+        resets = int(np.count_nonzero(reset))
+    total = np.full(len(counter), np.nan)
+    total[known] = np.concatenate([[0.0], np.cumsum(steps)])
+    return total, resets

@@ -1,1 +1,1 @@
-"""From a logger's raw signals to usable ones: clock, resampling, faults, mounting, motion."""
+"""Preprocessing of a logger's signals: clock, resampling, faults, mounting and motion."""

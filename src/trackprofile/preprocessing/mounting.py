@@ -1,4 +1,4 @@
-"""How a sensor is mounted, as far as its own signal tells: gravity, sign and angle."""
+"""Mounting of an accelerometer, determined from gravity in its own signal: sign, tilt and offset."""
 
 from __future__ import annotations
 
@@ -13,58 +13,66 @@ from trackprofile.units import STANDARD_GRAVITY
 
 Array = NDArray[np.float64]
 
-GRAVITY = 0.5
-"""Share of gravity in the mean from which an accelerometer is taken to measure it: 60° off the vertical."""
+MIN_GRAVITY_SHARE = 0.5
+"""Smallest mean over gravity at which an accelerometer is taken to measure gravity: a tilt of 60°."""
 
-UPRIGHT = 0.05
-"""Share by which that may differ from the whole of it, before an angle is worth a correction: 18°."""
+UPRIGHT_TOLERANCE = 0.05
+"""Largest 1 - cos ε of a tilt ε that is not corrected: 18°."""
 
-TOO_FAR = 5.0
-"""Usual offsets from which one is said and taken off."""
+MAX_OFFSET_RATIO = 5.0
+"""Mean over the sensor's standard offset from which the mean is reported and subtracted."""
 
 
 @dataclass(frozen=True)
 class MountingCorrection:
-    """A signal, (n,), upwards and without gravity or a great offset.
+    """A signal upwards, without gravity and large offset.
 
-    ``said`` tells what was done, "" if nothing; ``doubt`` is the relative standard deviation of a gain that was
-    corrected, for an unknown offset looks like a part of gravity; ``by_gravity`` whether that told which way is up.
+    Parameters
+    ----------
+    values : (n,)
+    note : what was corrected; "" if nothing
+    gain_std : relative standard deviation of the gain after a tilt correction, since an offset looks like a tilt; else 0
+    by_gravity : whether gravity determined the sign of the signal
     """
 
     values: Array
-    said: str = ""
-    doubt: float = 0.0
+    note: str = ""
+    gain_std: float = 0.0
     by_gravity: bool = False
 
 
 def correct_mounting(channel: Channel, valid: NDArray[np.bool_]) -> MountingCorrection:
-    """What an accelerometer's mean says of how it is mounted, put right.
+    """Subtract gravity and a large offset, and correct sign and tilt of an accelerometer.
 
-    At rest an accelerometer that measures upwards reads +g, one that hangs upside down -g, and one at an angle ε to
-    the vertical g cos ε, and cos ε of every vertical acceleration.
+    At rest a vertical accelerometer measures +g, an inverted one -g, and one with a tilt ε measures g cos ε; then it
+    measures cos ε of each vertical acceleration.
+
+    Parameters
+    ----------
+    channel : signal of n samples
+    valid : (n,), samples whose median is taken
 
     Examples
     --------
-    >>> hanging = Channel("floor", np.array([-9.9, -9.8, -9.7]), "vertical acceleration", "body", 0.0)
-    >>> put_right = freed_of_gravity(hanging, np.ones(3, bool))
-    >>> put_right.values.round(3), put_right.said
-    (array([ 0.1, -0. , -0.1]), "'floor' reads gravity, -9.8 m/s²: turned upside down, and taken off")
+    >>> inverted = Channel("floor", np.array([-9.9, -9.8, -9.7]), "vertical acceleration", "body", 0.0)
+    >>> corrected = correct_mounting(inverted, np.ones(3, bool))
+    >>> corrected.values.round(3), corrected.note
+    (array([ 0.1, -0. , -0.1]), "'floor' measures gravity, -9.8 m/s²: inverted, gravity subtracted")
     """
     values = np.asarray(channel.values, np.float64)
     mean = float(np.median(values[valid]))
-    if abs(mean) <= TOO_FAR * DEFAULT_OFFSET[channel.quantity]:
+    if abs(mean) <= MAX_OFFSET_RATIO * DEFAULT_OFFSET[channel.quantity]:
         return MountingCorrection(values)
     share = abs(mean) / STANDARD_GRAVITY
-    if channel.quantity != VERTICAL_ACCELERATION or share < GRAVITY:
-        return MountingCorrection(
-            values - mean, f"{channel.name!r} has an offset of {mean:.3g}, taken off: check it"
-        )
-    said = f"{channel.name!r} reads gravity, {mean:.3g} m/s²: "
-    turned = "turned upside down, and " if mean < 0 else ""
-    if share > 1.0 - UPRIGHT:
-        put_right = np.sign(mean) * (values - mean)
-        return MountingCorrection(put_right, f"{said}{turned}taken off", by_gravity=True)
-    angle = np.degrees(np.arccos(share))
-    said += f"{turned}taken off, and corrected for {angle:.0f}° between the sensor and the vertical"
-    doubt = DEFAULT_OFFSET[channel.quantity] / (share * STANDARD_GRAVITY)
-    return MountingCorrection(np.sign(mean) * (values - mean) / share, said, doubt, by_gravity=True)
+    if channel.quantity != VERTICAL_ACCELERATION or share < MIN_GRAVITY_SHARE:
+        note = f"{channel.name!r} has an offset of {mean:.3g}: subtracted; check the sensor"
+        return MountingCorrection(values - mean, note)
+    inverted = "inverted, " if mean < 0 else ""
+    note = f"{channel.name!r} measures gravity, {mean:.3g} m/s²: {inverted}gravity subtracted"
+    if share > 1.0 - UPRIGHT_TOLERANCE:
+        return MountingCorrection(np.sign(mean) * (values - mean), note, by_gravity=True)
+    tilt = np.degrees(np.arccos(share))
+    note += f", corrected for a tilt of {tilt:.0f}° from the vertical"
+    gain_std = DEFAULT_OFFSET[channel.quantity] / (share * STANDARD_GRAVITY)
+    corrected = np.sign(mean) * (values - mean) / share
+    return MountingCorrection(corrected, note, gain_std, by_gravity=True)
