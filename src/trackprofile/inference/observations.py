@@ -132,7 +132,11 @@ def observations(recording: xr.Dataset, installation: Installation) -> Observati
         has_fault(frozenset(FaultKind) - {FaultKind.SATURATED}),
         (*faults, *_mounting_faults(parts, upright, count)),
         (
-            *(step for step in provenance_steps(recording) if step.startswith((REPAIR_PREFIX, POSITION_PREFIX))),
+            *(
+                step
+                for step in provenance_steps(recording)
+                if step.startswith((REPAIR_PREFIX, POSITION_PREFIX))
+            ),
             *unused,
             *(one.note for one in upright if one.note),
         ),
@@ -188,7 +192,9 @@ def _usable_channels(
     """The channels with a usable sample, and a sentence for each of the others."""
     usable, notes = [], []
     for one in parts:
-        if np.any(np.asarray(one.valid, bool) & ~fault_mask(faults, one.name, count, EXCLUDED_KINDS)):
+        if np.any(
+            np.asarray(one.valid, bool) & ~fault_mask(faults, one.name, count, EXCLUDED_KINDS)
+        ):
             usable.append(one)
         else:
             kinds = sorted({str(fault.kind) for fault in faults if fault.channel == one.name})

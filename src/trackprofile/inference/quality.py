@@ -85,7 +85,9 @@ def inside_gaps(sampled: Array) -> Array:
     """
     apart = np.diff(sampled)
     gaps = (
-        np.flatnonzero(apart > max(2 * REACH, GAP_RATIO * float(np.median(apart)))) if len(apart) else []
+        np.flatnonzero(apart > max(2 * REACH, GAP_RATIO * float(np.median(apart))))
+        if len(apart)
+        else []
     )
     inside = [
         np.arange(sampled[k] + REACH, sampled[k + 1] - REACH + 1e-9, KNOT_SPACING) for k in gaps

@@ -162,7 +162,9 @@ def _odometry(
             return None, []
         known = np.isfinite(distance.values)
         values = distance.values[known]
-        return WheelOdometry(distance.time[known], values, recorded_step(values), WHEEL_SCALE_STD), []
+        return WheelOdometry(
+            distance.time[known], values, recorded_step(values), WHEEL_SCALE_STD
+        ), []
     counts = columns["odometer"]
     per_count = 1.0
     if odometer.unit == PULSES:

@@ -201,7 +201,9 @@ def _filter(mean, covariance, F, Q, node, h, values, variance):  # pragma: no co
 
 
 @numba.njit(cache=True, nogil=True)
-def _smooth_backwards(means, covariances, F, node, h, gains, innovations, variances):  # pragma: no cover
+def _smooth_backwards(
+    means, covariances, F, node, h, gains, innovations, variances
+):  # pragma: no cover
     """Smoothed means and covariances; u = S⁻¹ y and the diagonal of S⁻¹; jump scores and their variances."""
     n, m, signals = means.shape
     rows = len(node)

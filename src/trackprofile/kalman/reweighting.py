@@ -216,6 +216,6 @@ def is_converged(ratio: Array, tolerance: float, *pairs: tuple[Array, Array]) ->
     )
 
 
-def limited_change(ratio: Array, factor: float) -> Array:
+def limited_change(ratio: Array | float, factor: float) -> Array:
     """Ratio of new to previous variance, limited to 1/factor ... factor so that the iteration does not oscillate."""
-    return np.clip(ratio, 1.0 / factor, factor)
+    return np.clip(np.asarray(ratio), 1.0 / factor, factor)

@@ -179,9 +179,7 @@ def _initial_state(problem: SmoothingProblem) -> _State:
     return _State(weights, np.full(sensors, np.inf))
 
 
-def _smooth_with(
-    problem: SmoothingProblem, weights: NoiseWeights, iteration: int
-) -> RobustResult:
+def _smooth_with(problem: SmoothingProblem, weights: NoiseWeights, iteration: int) -> RobustResult:
     added = weights.jump_variance + np.outer(problem.walk.duration, weights.walk_variance)
     gains = kalman_gains(
         with_offset_variance(problem.run, added),
@@ -207,9 +205,7 @@ def _adapted(
         # Walks are adapted last: outliers and jumps that are not yet detected enlarge their scores.
         ratio = np.minimum(walk_ratio, state.walk_ratio)
         weights = _with_adapted_walks(weights, ratio, problem.walk, model_error)
-    return Iteration(
-        result, _State(weights, walk_ratio), _is_converged(weights, last, stated)
-    )
+    return Iteration(result, _State(weights, walk_ratio), _is_converged(weights, last, stated))
 
 
 def _reweighted(problem: SmoothingProblem, result: RobustResult) -> tuple[NoiseWeights, float]:
@@ -228,7 +224,9 @@ def _reweighted(problem: SmoothingProblem, result: RobustResult) -> tuple[NoiseW
         )
         # A model error in one signal moves the offsets of the other sensors too.
         threshold = max(threshold, stretch.threshold)
-        model_error = max(model_error, min(stretch.threshold, MAX_MODEL_ERROR_RATIO * stretch.typical))
+        model_error = max(
+            model_error, min(stretch.threshold, MAX_MODEL_ERROR_RATIO * stretch.typical)
+        )
     jumps = _detected_jumps(result, OUTLIER_THRESHOLD**2 * threshold)
     if np.any((last.jump_variance > 0.0) & (jumps == 0.0)):
         # The jump that is removed may have hidden outliers: those of the last iteration are kept.

@@ -160,12 +160,16 @@ def _check_posts(distance: Array, kilometre: Array) -> None:
     steps = np.diff(kilometre)[run > 0]
     wrong = np.zeros(run.size, bool)
     wrong[run > 0] = steps * steps[:1] < 0
-    _refuse(wrong, "kilometre", "the kilometrage changes its direction; use a table for each direction.")
+    _refuse(
+        wrong, "kilometre", "the kilometrage changes its direction; use a table for each direction."
+    )
 
 
 def _check_points(distance: Array, latitude: Array, longitude: Array) -> None:
     if distance.size == 1:
-        raise RowError("latitude_deg", 1, "expected two points or more, got one; add a second point.")
+        raise RowError(
+            "latitude_deg", 1, "expected two points or more, got one; add a second point."
+        )
     _refuse(
         np.diff(distance) <= 0,
         "latitude_deg",

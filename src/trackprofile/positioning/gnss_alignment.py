@@ -86,9 +86,7 @@ class _Noise:
         return np.where(self.outlier > 0.0, self.outlier, self.common)
 
 
-def align_to_own_line(
-    time: Array, points: Array, travelled: Array | None
-) -> tuple[Array, Array]:
+def align_to_own_line(time: Array, points: Array, travelled: Array | None) -> tuple[Array, Array]:
     """Distance of GNSS fixes along the smooth curve through them, and their lateral offset from it.
 
     Parameters
@@ -158,9 +156,7 @@ def _chain(nodes: Array, at: Array, walk: float) -> GaussMarkovChain:
     h = np.zeros((len(at), 3))
     h[:, 0] = 1.0
     covariance = np.diag(PRIOR_STD) ** 2
-    return GaussMarkovChain(
-        np.zeros((3, 3)), covariance, F, Q, np.searchsorted(nodes, at), h
-    )
+    return GaussMarkovChain(np.zeros((3, 3)), covariance, F, Q, np.searchsorted(nodes, at), h)
 
 
 def _smooth_robustly(chain: GaussMarkovChain, points: Array) -> tuple[ChainPosterior, Array]:
@@ -170,7 +166,7 @@ def _smooth_robustly(chain: GaussMarkovChain, points: Array) -> tuple[ChainPoste
         posterior = smooth_chain(chain, points, noise.variance())
         residuals = posterior.leave_one_out(PLANE_COMPONENTS)
         shown = max(residuals.noise_ratio(noise.common), MIN_RATIO)
-        change = float(limited_change(np.float64(shown), MAX_NOISE_CHANGE))
+        change = float(limited_change(shown, MAX_NOISE_CHANGE))
         common = max(noise.common * change, MIN_STD**2)
         outlier = residuals.outlier_variance(common, OUTLIER_THRESHOLD**2)
         adapted = _Noise(common, outlier)

@@ -218,16 +218,16 @@ def _without_failures(
 def _prior(
     sources: Sources, matched: MatchedPositions, observations: Sequence[PositionObservations]
 ) -> PositionPrior:
-    wheels = [one.scale_std for one in (sources.odometry, sources.displayed_speed) if one is not None]
+    wheels = [
+        one.scale_std for one in (sources.odometry, sources.displayed_speed) if one is not None
+    ]
     has_posts = any(one.source is Source.POST for one in matched.observations)
     anchor = next((one for one in reversed(matched.observations) if len(one.time)), None)
     bias_std = None if sources.gnss is None else sources.gnss.bias_std
     start = 0.0
     if anchor is not None:
         travelled = travelled_distance(observations)
-        since = (
-            anchor.value - anchor.value[0] if travelled is None else travelled.at(anchor.time)
-        )
+        since = anchor.value - anchor.value[0] if travelled is None else travelled.at(anchor.time)
         start = float(np.median((anchor.value - since)[:MEDIAN_LENGTH]))
     return PositionPrior(
         scale_std=min(wheels, default=0.0),

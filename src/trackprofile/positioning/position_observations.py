@@ -103,9 +103,7 @@ def odometry_observations(odometry: WheelOdometry) -> PositionObservations:
     since_sample = np.minimum(step, np.abs(speed) * interval[at])
     width = np.where(has_pulse, since_sample, step)
     value = distance[at] + 0.5 * width
-    return PositionObservations(
-        Source.ODOMETRY, time[at], value, width**2 / 12.0 + PULSE_STD**2
-    )
+    return PositionObservations(Source.ODOMETRY, time[at], value, width**2 / 12.0 + PULSE_STD**2)
 
 
 def displayed_speed_observations(displayed: DisplayedSpeed) -> PositionObservations:
@@ -114,9 +112,7 @@ def displayed_speed_observations(displayed: DisplayedSpeed) -> PositionObservati
     A displayed zero may be any speed up to `CREEP_SPEED`: wheel sensors do not measure slow rotation.
     """
     time, speed = _cell_means(displayed.time, displayed.speed, 1.0)
-    level = (
-        np.round(speed / displayed.step) if displayed.step > 0 else np.arange(float(len(speed)))
-    )
+    level = np.round(speed / displayed.step) if displayed.step > 0 else np.arange(float(len(speed)))
     starts = np.concatenate([[True], np.diff(level) != 0])
     count = np.bincount(np.cumsum(starts) - 1)[np.cumsum(starts) - 1]
     zero = np.where(speed == 0.0, CREEP_SPEED**2, 0.0)
@@ -160,9 +156,7 @@ def gnss_observations(
     )
 
 
-def post_observations(
-    posts: KilometrePosts, distance: Array, speed: Array
-) -> PositionObservations:
+def post_observations(posts: KilometrePosts, distance: Array, speed: Array) -> PositionObservations:
     """Kilometre posts at distances, (n,) m, passed at speeds, (n,) m/s."""
     variance = posts.std**2 + (speed * posts.time_std) ** 2
     return PositionObservations(Source.POST, posts.time, distance + posts.offset, variance)

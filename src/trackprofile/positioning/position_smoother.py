@@ -247,7 +247,7 @@ def _noise_ratio(
     if source is Source.STANDSTILL or np.count_nonzero(own) < MIN_OBSERVATIONS:
         return last
     shown = residuals.select(own).noise_ratio(last * rows.variance[own])
-    adapted = last * float(limited_change(np.float64(shown), MAX_NOISE_CHANGE))
+    adapted = last * float(limited_change(shown, MAX_NOISE_CHANGE))
     if not rows.stated[own][0]:
         return adapted
     return max(1.0, adapted) if shown > NOISE_RATIO_THRESHOLD or last > 1.0 else last
@@ -266,7 +266,9 @@ def _detected_jumps(
             posterior.jump_score[:, state, 0], posterior.jump_precision[:, state], modelled
         )
         valid = jump.determined & (jump.variance > jump.round_off)
-        significance[state] = np.where(valid, jump.square, 0.0) / np.where(valid, jump.variance, 1.0)
+        significance[state] = np.where(valid, jump.square, 0.0) / np.where(
+            valid, jump.variance, 1.0
+        )
         variance[state] = np.maximum(jump.square - jump.variance, 0.0)
     significance[A][variance[A] > MAX_ACCELERATION_JUMP**2] = 0.0
     significance[SLIP][rows.odometer_fails] = 0.0

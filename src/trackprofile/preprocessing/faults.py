@@ -141,9 +141,7 @@ def find_faults(recording: xr.Dataset) -> tuple[Fault, ...]:
                 for run in runs(~valid)
             ]
         next_to_missing = next_to_gap[at] | _next_to_missing(at)
-        masks = _signal_faults(
-            channel.values[at], next_to_missing, any_moves=not all(constant)
-        )
+        masks = _signal_faults(channel.values[at], next_to_missing, any_moves=not all(constant))
         for kind, mask in masks:
             faults += [
                 Fault(kind, channel.name, int(at[run.start]), int(at[run.stop - 1]))
