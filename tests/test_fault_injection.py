@@ -10,13 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import damage
 import numpy as np
 import pytest
 import xarray as xr
+from damage import DAMAGES, Damage, Sensor, Table
 from scipy.interpolate import CubicSpline
 
-import damage
-from damage import DAMAGES, Damage, Sensor, Table
 from trackprofile.bands import D1, D2, band_pass
 from trackprofile.calibration.calibrate import calibrate
 from trackprofile.contracts import Quality, build_profile, channels

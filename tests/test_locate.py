@@ -1,4 +1,4 @@
-"""Where a train was, from all that it recorded of that."""
+"""Position of a train estimated from all its position sources."""
 
 from __future__ import annotations
 
@@ -12,231 +12,237 @@ from hypothesis import strategies as st
 
 from trackprofile.errors import DataError
 from trackprofile.positioning.chainage import ChainageTable
-from trackprofile.positioning.locate import Whereabouts, locate
+from trackprofile.positioning.locate import LocatedRun, locate
 from trackprofile.positioning.sources import (
     DisplayedSpeed,
     GnssFixes,
     KilometrePosts,
     Sources,
     WheelOdometry,
-    unwrapped,
+    unwrap_counter,
 )
 from trackprofile.preprocessing.faults import ClockFault
-from train_rides import BEGIN, Ride, World, ride, sources
+from train_runs import SMALL_ERRORS, START, SensorErrors, TrueRun, sources, train_run
 
 Array = np.ndarray
 
 WITH, AGAINST = "with the kilometrage", "against the kilometrage"
-CALM = World(scatter=1.0, wander=0.0, outlying=0.0, tunnel=(0.0, 0.0), creep=0.0)
+NO_STOP = 1e9
 
 
 @dataclass(frozen=True)
-class Judged:
-    """How far a found ride is from the true one."""
+class Evaluation:
+    """Errors of an estimated run: RMS and largest error, m, and share of errors within the 95 % interval."""
 
     rms: float
-    most: float
-    covered: float
-    found: Whereabouts
+    largest: float
+    coverage: float
+    located: LocatedRun
 
 
-def judged(one: Ride, given: Sources) -> Judged:
-    found = locate(given, one.time)
-    absolute = given.way is not None or given.posts is not None
-    error = found.distance - (one.distance if absolute else one.distance - BEGIN)
-    return Judged(
+def evaluate(run: TrueRun, recorded: Sources) -> Evaluation:
+    located = locate(recorded, run.time)
+    absolute = recorded.chainage is not None or recorded.posts is not None
+    error = located.distance - (run.distance if absolute else run.distance - START)
+    return Evaluation(
         float(np.sqrt(np.mean(error**2))),
         float(np.max(np.abs(error))),
-        float(np.mean(np.abs(error) <= 1.96 * found.deviation)),
-        found,
+        float(np.mean(np.abs(error) <= 1.96 * located.standard_deviation)),
+        located,
     )
 
 
-def test_ride_with_a_stop_a_tunnel_outliers_and_a_worn_wheel_is_known_to_a_metre_or_two() -> None:
-    one = ride(1, 600.0)
-    seen = judged(one, sources(one, "gdow", World(tunnel=(450.0, 510.0))))
-    assert seen.rms < 1.0
-    assert seen.covered > 0.9
-    assert seen.found.scale == pytest.approx(0.99, abs=1e-3)
-    assert np.all(np.diff(seen.found.distance) >= 0.0)
-    error = seen.found.speed - one.speed
+def test_run_with_a_stop_a_tunnel_outliers_and_a_worn_wheel_is_located_within_a_metre() -> None:
+    run = train_run(1, 600.0)
+    result = evaluate(run, sources(run, "gdoc", SensorErrors(tunnel=(450.0, 510.0))))
+    assert result.rms < 1.0
+    assert result.coverage > 0.9
+    assert result.located.wheel_scale == pytest.approx(0.99, abs=1e-3)
+    assert np.all(np.diff(result.located.distance) >= 0.0)
+    error = result.located.speed - run.speed
     assert np.sqrt(np.mean(error**2)) < 0.05
 
 
-def test_train_that_stands_adds_no_distance_and_has_no_speed() -> None:
-    one = ride(1, 600.0)
-    standing = (one.time > 345.0) & (one.time < 398.0)
-    assert not one.speed[standing].any()
-    for what in ("g", "gd", "gs", "o", "s", "gow"):
-        found = locate(sources(one, what, replace(World(), tunnel=(0.0, 0.0))), one.time)
-        assert np.ptp(found.distance[standing]) == 0.0, what
-        assert not found.speed[standing].any(), what
+def test_train_at_standstill_travels_no_distance_and_has_no_speed() -> None:
+    run = train_run(1, 600.0)
+    standing = (run.time > 345.0) & (run.time < 398.0)
+    assert not run.speed[standing].any()
+    for kinds in ("g", "gd", "gs", "o", "s", "goc"):
+        located = locate(sources(run, kinds, SensorErrors(tunnel=(0.0, 0.0))), run.time)
+        assert np.ptp(located.distance[standing]) == 0.0, kinds
+        assert not located.speed[standing].any(), kinds
 
 
-def test_wheel_that_slips_is_found_and_costs_nothing() -> None:
-    one = ride(1, 600.0)
-    calm, slipping = (judged(one, sources(one, "gow", World(slip=slip))) for slip in (0.0, 5.0))
-    assert slipping.rms < 1.1 * calm.rms
-    assert not any("slips" in note for note in calm.found.notes)
-    (said,) = (note for note in slipping.found.notes if "slips" in note)
-    assert float(said.split("slips by ")[1].split(" m")[0]) == pytest.approx(5.0, abs=0.3)
-    marked = one.time[(slipping.found.doubted & ClockFault.SLIP) != 0]
+def test_wheel_slip_is_detected_and_does_not_increase_the_error() -> None:
+    run = train_run(1, 600.0)
+    rolling, slipping = (
+        evaluate(run, sources(run, "goc", SensorErrors(slip=slip))) for slip in (0.0, 5.0)
+    )
+    assert slipping.rms < 1.1 * rolling.rms
+    assert not any("slips" in note for note in rolling.located.notes)
+    (note,) = (note for note in slipping.located.notes if "slips" in note)
+    assert float(note.split("slips by ")[1].split(" m")[0]) == pytest.approx(5.0, abs=0.3)
+    marked = run.time[(slipping.located.clock_fault & ClockFault.SLIP) != 0]
     assert 197.0 < marked[0] < 200.0
     assert 202.0 < marked[-1] < 205.0
 
 
-def test_positions_far_off_are_marked_and_cost_nothing() -> None:
-    one = ride(1, 300.0)
-    clean = sources(one, "gow", replace(World(), outlying=0.0))
-    rows = np.flatnonzero(np.isfinite(clean.fixes.latitude))
-    bad = rows[20:120:10]
-    latitude = clean.fixes.latitude.copy()
-    latitude[bad] += 60.0 / 111e3
-    harmed = replace(clean, fixes=replace(clean.fixes, latitude=latitude))
-    before, after = judged(one, clean), judged(one, harmed)
+def test_outliers_of_fixes_are_marked_and_do_not_increase_the_error() -> None:
+    run = train_run(1, 300.0)
+    clean = sources(run, "goc", SensorErrors(outlier_share=0.0))
+    rows = np.flatnonzero(np.isfinite(clean.gnss.latitude))
+    shifted = rows[20:120:10]
+    latitude = clean.gnss.latitude.copy()
+    latitude[shifted] += 60.0 / 111e3
+    faulty = replace(clean, gnss=replace(clean.gnss, latitude=latitude))
+    before, after = evaluate(run, clean), evaluate(run, faulty)
     assert after.rms < 1.1 * before.rms + 0.05
-    # Those beside the line say nothing of it anyway; those along it are marked.
-    marked = np.flatnonzero(after.found.doubted & ClockFault.POSITION)
-    assert set(marked) <= set(bad)
+    # Fixes with a large lateral offset are not used; those that are shifted along the line are marked.
+    marked = np.flatnonzero(after.located.clock_fault & ClockFault.POSITION)
+    assert set(marked) <= set(shifted)
 
 
-def test_distance_does_not_grow_with_the_noise_of_positions() -> None:
-    one = ride(2, 600.0)
-    for scatter in (1.0, 3.0, 6.0):
-        world = World(scatter=scatter, wander=0.0, outlying=0.0, tunnel=(0.0, 0.0))
-        found = locate(sources(one, "g", world), one.time)
-        run = one.distance[-1] - one.distance[0]
-        assert found.distance[-1] == pytest.approx(run, abs=3 * scatter + 2e-4 * run)
+def test_noise_of_fixes_does_not_lengthen_the_distance() -> None:
+    run = train_run(2, 600.0)
+    for fix_std in (1.0, 3.0, 6.0):
+        errors = SensorErrors(fix_std=fix_std, bias_std=0.0, outlier_share=0.0, tunnel=(0.0, 0.0))
+        located = locate(sources(run, "g", errors), run.time)
+        length = run.distance[-1] - run.distance[0]
+        assert located.distance[-1] == pytest.approx(length, abs=3 * fix_std + 2e-4 * length)
 
 
-def test_odometer_alone_counts_from_0_and_knows_how_little_it_knows() -> None:
-    one = ride(1, 300.0)
-    found = locate(sources(one, "o", World(worn=1.02)), one.time)
-    assert found.distance[0] == 0.0
-    assert found.deviation[0] < 0.1
-    run = one.distance - BEGIN
-    assert found.deviation[-1] == pytest.approx(0.03 * run[-1], rel=0.1)
-    assert np.all(np.abs(found.distance - run) <= 1.96 * found.deviation + 0.05)
-    assert found.scale == 1.0
+def test_odometer_alone_counts_from_0_and_states_the_error_of_its_diameter() -> None:
+    run = train_run(1, 300.0)
+    located = locate(sources(run, "o", SensorErrors(wheel_scale=1.02)), run.time)
+    assert located.distance[0] == 0.0
+    assert located.standard_deviation[0] < 0.1
+    distance = run.distance - START
+    assert located.standard_deviation[-1] == pytest.approx(0.03 * distance[-1], rel=0.1)
+    error = np.abs(located.distance - distance)
+    assert np.all(error <= 1.96 * located.standard_deviation + 0.05)
+    assert located.wheel_scale == 1.0
 
 
-def test_wheel_that_says_nothing_while_the_train_runs_is_not_believed() -> None:
-    one = ride(1, 300.0)
-    given = sources(one, "gow", World(tunnel=(0.0, 0.0)))
-    held = given.rolled.distance.copy()
-    dead = (one.time > 100.0) & (one.time < 140.0)
-    lost = held[dead][-1] - held[dead][0]
-    held[dead] = held[dead][0]
-    held[one.time >= 140.0] -= lost
-    seen = judged(one, replace(given, rolled=replace(given.rolled, distance=held)))
-    assert seen.rms < 1.5
-    assert seen.covered > 0.85
-    assert any("the wheel says nothing from" in note for note in seen.found.notes)
+def test_odometer_that_fails_while_the_train_runs_is_not_used() -> None:
+    run = train_run(1, 300.0)
+    recorded = sources(run, "goc", SensorErrors(tunnel=(0.0, 0.0)))
+    counted = recorded.odometry.distance.copy()
+    failure = (run.time > 100.0) & (run.time < 140.0)
+    lost = counted[failure][-1] - counted[failure][0]
+    counted[failure] = counted[failure][0]
+    counted[run.time >= 140.0] -= lost
+    odometry = replace(recorded.odometry, distance=counted)
+    result = evaluate(run, replace(recorded, odometry=odometry))
+    assert result.rms < 1.5
+    assert result.coverage > 0.85
+    assert any("the odometer fails from" in note for note in result.located.notes)
 
 
-def test_direction_is_told_by_the_way_whichever_end_it_is_described_from() -> None:
-    one = ride(1, 300.0)
-    given, length = sources(one, "gow", CALM), one.line.distance[-1]
-    at, north, east = points(given.way)
-    there = ChainageTable([0.0, length], [0.0, length / 1e3], at, north, east)
-    back = ChainageTable(
+def test_chainage_table_determines_the_direction_from_whichever_end_it_counts() -> None:
+    run = train_run(1, 300.0)
+    recorded, length = sources(run, "goc", SMALL_ERRORS), run.line.distance[-1]
+    at, north, east = points(recorded.chainage)
+    increasing = ChainageTable([0.0, length], [0.0, length / 1e3], at, north, east)
+    reversed_ = ChainageTable(
         [0.0, length], [length / 1e3, 0.0], (length - at)[::-1], north[::-1], east[::-1]
     )
-    falling = ChainageTable([0.0, length], [50.0, 50.0 - length / 1e3], at, north, east)
-    found = [locate(replace(given, way=way), one.time) for way in (there, back, falling)]
-    assert [where.direction for where in found] == [WITH, WITH, AGAINST]
-    assert "runs against its way: distances count with a minus" in found[1].notes[0]
-    np.testing.assert_allclose(found[1].distance + length, found[0].distance, atol=0.02)
+    decreasing = ChainageTable([0.0, length], [50.0, 50.0 - length / 1e3], at, north, east)
+    located = [
+        locate(replace(recorded, chainage=table), run.time)
+        for table in (increasing, reversed_, decreasing)
+    ]
+    assert [one.direction for one in located] == [WITH, WITH, AGAINST]
+    assert "runs against the line of the chainage table: distances are neg" in located[1].notes[0]
+    np.testing.assert_allclose(located[1].distance + length, located[0].distance, atol=0.02)
 
 
-def test_direction_is_told_by_posts() -> None:
-    one = ride(1, 300.0)
-    rising = sources(one, "op", CALM)
-    kilometre = 50.0 - rising.posts.kilometre
-    falling = replace(rising, posts=replace(rising.posts, kilometre=kilometre))
-    found = [locate(given, one.time) for given in (rising, falling)]
-    assert [where.direction for where in found] == [WITH, AGAINST]
-    np.testing.assert_allclose(found[1].distance + 50e3, found[0].distance, atol=1e-3)
+def test_posts_determine_the_direction() -> None:
+    run = train_run(1, 300.0)
+    increasing = sources(run, "op", SMALL_ERRORS)
+    kilometre = 50.0 - increasing.posts.kilometre
+    decreasing = replace(increasing, posts=replace(increasing.posts, kilometre=kilometre))
+    located = [locate(recorded, run.time) for recorded in (increasing, decreasing)]
+    assert [one.direction for one in located] == [WITH, AGAINST]
+    np.testing.assert_allclose(located[1].distance + 50e3, located[0].distance, atol=1e-3)
 
 
-def points(way: ChainageTable | None) -> tuple[Array, Array, Array]:
-    assert way is not None
-    return np.asarray(way.point_distance), np.asarray(way.latitude), np.asarray(way.longitude)
+def points(table: ChainageTable | None) -> tuple[Array, Array, Array]:
+    assert table is not None
+    return np.asarray(table.point_distance), np.asarray(table.latitude), np.asarray(table.longitude)
 
 
 @settings(max_examples=5)
 @given(st.floats(-1e5, 1e5), st.floats(-1e4, 1e9))
-def test_whereabouts_do_not_depend_on_where_distance_and_time_count_from(
-    along: float, later: float
+def test_positions_do_not_depend_on_the_origins_of_distance_and_time(
+    shift: float, delay: float
 ) -> None:
-    one = ride(3, 120.0, stop=1e9)
-    given = sources(one, "gow", CALM)
-    at, north, east = points(given.way)
+    run = train_run(3, 120.0, stop=NO_STOP)
+    recorded = sources(run, "goc", SMALL_ERRORS)
+    at, north, east = points(recorded.chainage)
     moved = Sources(
-        replace(given.fixes, time=one.time + later),
-        replace(given.rolled, time=one.time + later),
-        way=ChainageTable(point_distance=at + along, latitude=north, longitude=east),
+        replace(recorded.gnss, time=run.time + delay),
+        replace(recorded.odometry, time=run.time + delay),
+        chainage=ChainageTable(point_distance=at + shift, latitude=north, longitude=east),
     )
-    here, there = locate(given, one.time), locate(moved, one.time + later)
-    np.testing.assert_allclose(there.distance - along, here.distance, atol=0.02)
-    np.testing.assert_allclose(there.deviation, here.deviation, rtol=0.05)
+    original, shifted = locate(recorded, run.time), locate(moved, run.time + delay)
+    np.testing.assert_allclose(shifted.distance - shift, original.distance, atol=0.02)
+    np.testing.assert_allclose(shifted.standard_deviation, original.standard_deviation, rtol=0.05)
 
 
 def test_train_that_turns_is_refused() -> None:
-    one = ride(1, 300.0)
-    given = sources(one, "gow", CALM)
-    north, east = given.fixes.latitude, given.fixes.longitude
+    run = train_run(1, 300.0)
+    recorded = sources(run, "goc", SMALL_ERRORS)
+    north, east = recorded.gnss.latitude, recorded.gnss.longitude
     half = len(north) // 2
     turning = replace(
-        given.fixes,
+        recorded.gnss,
         latitude=np.concatenate([north[:half], north[:half][::-1]]),
         longitude=np.concatenate([east[:half], east[:half][::-1]]),
     )
-    with pytest.raises(DataError, match=r"the train turns: at 1\d\d s it has run back 100 m"):
-        locate(replace(given, fixes=turning, rolled=None), one.time)
+    with pytest.raises(DataError, match=r"go back by 100 m before 1\d\d s: the train turns"):
+        locate(replace(recorded, gnss=turning, odometry=None), run.time)
 
 
-def test_positions_beside_the_way_are_refused() -> None:
-    one = ride(1, 120.0)
-    given = sources(one, "gw", CALM)
-    at, north, east = points(given.way)
-    other = ChainageTable(point_distance=at, latitude=north + 0.01, longitude=east - 0.01)
-    with pytest.raises(DataError, match="km beside the way; expected them on it"):
-        locate(replace(given, way=other), one.time)
+def test_fixes_far_from_the_line_are_refused() -> None:
+    run = train_run(1, 120.0)
+    recorded = sources(run, "gc", SMALL_ERRORS)
+    at, north, east = points(recorded.chainage)
+    parallel = ChainageTable(point_distance=at, latitude=north + 0.01, longitude=east - 0.01)
+    with pytest.raises(DataError, match="km from the line of the chainage table, expected them on"):
+        locate(replace(recorded, chainage=parallel), run.time)
     elsewhere = ChainageTable(point_distance=at, latitude=north - 30.0, longitude=east)
-    with pytest.raises(DataError, match="lie beyond the ends of the way"):
-        locate(replace(given, way=elsewhere), one.time)
+    with pytest.raises(DataError, match="lie beyond the ends of the chainage table"):
+        locate(replace(recorded, chainage=elsewhere), run.time)
 
 
-def test_nothing_that_says_where_is_refused() -> None:
-    one = ride(1, 120.0)
-    nowhere = GnssFixes(one.time, np.full(len(one.time), np.nan), np.full(len(one.time), np.nan))
-    with pytest.raises(DataError, match="Nothing says where the train was"):
-        locate(Sources(nowhere), one.time)
+def test_sources_without_positions_are_refused() -> None:
+    run = train_run(1, 120.0)
+    missing = np.full(len(run.time), np.nan)
+    with pytest.raises(DataError, match="No position source has two values"):
+        locate(Sources(GnssFixes(run.time, missing, missing)), run.time)
 
 
-def test_post_that_the_kilometrage_says_twice_is_not_used() -> None:
-    one = ride(1, 300.0)
-    given = sources(one, "op", CALM)
-    stands = [0.0, 3000.0, 3000.0, 20000.0]
-    twice = ChainageTable(stands, [0.0, 3.0, 2.0, 19.0])
-    found = locate(replace(given, way=twice), one.time)
-    assert any("twice or never" in note for note in found.notes)
+def test_post_whose_kilometre_occurs_twice_is_ignored() -> None:
+    run = train_run(1, 300.0)
+    recorded = sources(run, "op", SMALL_ERRORS)
+    twice = ChainageTable([0.0, 3000.0, 3000.0, 20000.0], [0.0, 3.0, 2.0, 19.0])
+    located = locate(replace(recorded, chainage=twice), run.time)
+    assert any("not exactly once in the kilometrage" in note for note in located.notes)
 
 
-def test_posts_of_which_one_is_wrong_are_told_by_the_others() -> None:
-    one = ride(1, 600.0)
-    given = sources(one, "op", replace(World(), creep=1e-4))
-    kilometre = given.posts.kilometre.copy()
+def test_wrong_post_is_detected_by_the_others() -> None:
+    run = train_run(1, 600.0)
+    recorded = sources(run, "op", SensorErrors(scale_variation=1e-4))
+    kilometre = recorded.posts.kilometre.copy()
     kilometre[3] += 0.3
-    wrong = replace(given, posts=replace(given.posts, kilometre=kilometre))
-    right, mended = judged(one, given), judged(one, wrong)
-    assert mended.rms < right.rms + 1.0
-    assert np.count_nonzero(mended.found.doubted & ClockFault.POSITION) == 1
+    wrong = replace(recorded, posts=replace(recorded.posts, kilometre=kilometre))
+    correct, faulty = evaluate(run, recorded), evaluate(run, wrong)
+    assert faulty.rms < correct.rms + 1.0
+    assert np.count_nonzero(faulty.located.clock_fault & ClockFault.POSITION) == 1
 
 
-def odd(generator: np.random.Generator, count: int, size: float) -> Array:
-    """What a broken logger may write in a column."""
+def random_column(generator: np.random.Generator, count: int, size: float) -> Array:
+    """A column as a defective logger may write it."""
     at = np.arange(count)
     columns = (
         np.full(count, np.nan),
@@ -254,85 +260,82 @@ def odd(generator: np.random.Generator, count: int, size: float) -> Array:
     return column
 
 
-def odd_sources(generator: np.random.Generator) -> tuple[Sources, Array]:
+def random_sources(generator: np.random.Generator) -> tuple[Sources, Array]:
     count = int(generator.choice([2, 3, 5, 20, 300]))
     time = np.unique(generator.random(count)) * float(generator.choice([1e-3, 1.0, 60.0, 3e3]))
-    count, given = len(time), Sources()
+    count, recorded = len(time), Sources()
     north, east = (
-        np.clip(odd(generator, count, 50.0), -90, 90),
-        np.clip(odd(generator, count, 10.0), -180, 180),
+        np.clip(random_column(generator, count, 50.0), -90, 90),
+        np.clip(random_column(generator, count, 10.0), -180, 180),
     )
-    counter, shown, posts = (
-        odd(generator, count, 1e3),
-        odd(generator, count, 30.0),
-        odd(generator, count, 12.0),
+    counter, displayed, posts = (
+        random_column(generator, count, 1e3),
+        random_column(generator, count, 30.0),
+        random_column(generator, count, 12.0),
     )
     if generator.random() < 0.6:
-        given = replace(given, fixes=GnssFixes(time, north, east, odd(generator, count, 30.0)))
+        doppler = random_column(generator, count, 30.0)
+        recorded = replace(recorded, gnss=GnssFixes(time, north, east, doppler))
     if generator.random() < 0.5 and np.count_nonzero(np.isfinite(counter)) > 1:
-        rolled, _ = unwrapped(counter)
-        known = np.isfinite(rolled)
-        given = replace(
-            given,
-            rolled=WheelOdometry(
-                time[known], rolled[known], float(generator.choice([0.0, 0.03, 3.0])), 0.03
-            ),
-        )
+        total, _ = unwrap_counter(counter)
+        known = np.isfinite(total)
+        step = float(generator.choice([0.0, 0.03, 3.0]))
+        odometry = WheelOdometry(time[known], total[known], step, 0.03)
+        recorded = replace(recorded, odometry=odometry)
     if generator.random() < 0.4:
-        known = np.isfinite(shown)
-        given = replace(given, shown=DisplayedSpeed(time[known], np.abs(shown[known]), 0.28, 0.03))
+        known = np.isfinite(displayed)
+        speed = DisplayedSpeed(time[known], np.abs(displayed[known]), 0.28, 0.03)
+        recorded = replace(recorded, displayed_speed=speed)
     if generator.random() < 0.4:
         known = np.isfinite(posts)
-        given = replace(given, posts=KilometrePosts(time[known], posts[known], 5.0, 0.5))
+        recorded = replace(recorded, posts=KilometrePosts(time[known], posts[known], 5.0, 0.5))
     if generator.random() < 0.3:
-        given = replace(
-            given,
-            way=ChainageTable([0.0, 5e3], [10.0, 15.0], [0.0, 5e3], [50.0, 50.045], [8.0, 8.0]),
-        )
-    return given, time
+        table = ChainageTable([0.0, 5e3], [10.0, 15.0], [0.0, 5e3], [50.0, 50.045], [8.0, 8.0])
+        recorded = replace(recorded, chainage=table)
+    return recorded, time
 
 
-def check_odd(seeds: range) -> None:
+def check_random_sources(seeds: range) -> None:
     refused = 0
     for seed in seeds:
-        given, time = odd_sources(np.random.default_rng(seed))
+        recorded, time = random_sources(np.random.default_rng(seed))
         try:
-            found = locate(given, time)
+            located = locate(recorded, time)
         except DataError:
             refused += 1
             continue
-        for values in (found.distance, found.speed, found.deviation):
+        for values in (located.distance, located.speed, located.standard_deviation):
             assert np.all(np.isfinite(values)), seed
-        assert np.all(np.diff(found.distance) >= 0.0), seed
-        assert np.all(found.speed >= 0.0), seed
+        assert np.all(np.diff(located.distance) >= 0.0), seed
+        assert np.all(located.speed >= 0.0), seed
     assert 0 < refused < len(seeds)
 
 
-def test_broken_columns_are_refused_or_read_without_a_crash() -> None:
-    check_odd(range(30))
+def test_defective_columns_are_refused_or_located_without_a_crash() -> None:
+    check_random_sources(range(30))
 
 
 @pytest.mark.acceptance
-def test_many_broken_columns_are_refused_or_read_without_a_crash() -> None:
-    check_odd(range(30, 400))
+def test_many_defective_columns_are_refused_or_located_without_a_crash() -> None:
+    check_random_sources(range(30, 400))
 
 
-def test_wheel_and_positions_that_contradict_each_other_are_refused() -> None:
-    one = ride(1, 120.0, stop=1e9)
-    given = sources(one, "go", CALM)
-    in_feet = replace(given.rolled, distance=given.rolled.distance / 0.3048)
+def test_odometer_that_contradicts_the_fixes_is_refused() -> None:
+    run = train_run(1, 120.0, stop=NO_STOP)
+    recorded = sources(run, "go", SMALL_ERRORS)
+    in_feet = replace(recorded.odometry, distance=recorded.odometry.distance / 0.3048)
     with pytest.raises(
         DataError,
-        match=r"the train ran 2\.\d+ km, by what else counts it [67]\.\d+ km; check the columns",
+        match=r"ran 2\.\d+ km by the GNSS fixes but [67]\.\d+ km by its odometer or speed",
     ):
-        locate(replace(given, rolled=in_feet), one.time)
+        locate(replace(recorded, odometry=in_feet), run.time)
 
 
 COMBINATIONS = (
     "g",
     "gd",
-    "gw",
-    "gdw",
+    "gc",
+    "gdc",
     "o",
     "s",
     "go",
@@ -340,40 +343,45 @@ COMBINATIONS = (
     "op",
     "sp",
     "gop",
-    "gow",
-    "gsw",
-    "gdow",
-    "gdowps",
+    "goc",
+    "gsc",
+    "gdoc",
+    "gdocps",
 )
-"""Of sources; letters as of `train_rides.sources`."""
+"""Sources, with the letters of `train_runs.sources`."""
+
+DIAMETER_NOTE = "wheel diameter "
 
 
 @pytest.mark.acceptance
 def test_errors_and_coverage_of_every_combination_of_sources() -> None:
     lines = [
-        "\n| sources | rms, m | most, m | within 95 % | scale, standard errors off |",
+        "\n| sources | rms, m | largest, m | within 95 % | scale error, standard errors |",
         "|---|---|---|---|---|",
     ]
-    for what in COMBINATIONS:
-        rides = [judged(ride(seed), sources(ride(seed), what, seed=seed)) for seed in range(12)]
-        rms = np.sqrt(np.mean([one.rms**2 for one in rides]))
-        covered = float(np.mean([one.covered for one in rides]))
+    for kinds in COMBINATIONS:
+        results = [
+            evaluate(train_run(seed), sources(train_run(seed), kinds, seed=seed))
+            for seed in range(12)
+        ]
+        rms = np.sqrt(np.mean([one.rms**2 for one in results]))
+        largest = max(one.largest for one in results)
+        coverage = float(np.mean([one.coverage for one in results]))
         lines.append(
-            f"| {what} | {rms:.2f} | {max(one.most for one in rides):.1f} | {100 * covered:.0f} % | {told(rides)} |"
+            f"| {kinds} | {rms:.2f} | {largest:.1f} | {100 * coverage:.0f} % | {scale_error(results)} |"
         )
-        assert covered > 0.88, what
+        assert coverage > 0.88, kinds
     sys.stdout.write("\n".join(lines) + "\n")
 
 
-def told(rides: list[Judged]) -> str:
-    """How many standard errors the wheel's scale is off, as a root mean square."""
-    off = []
-    for one in rides:
-        for note in one.found.notes:
-            if note.startswith("the wheel's diameter is "):
-                scale, error = (
-                    float(part.split()[0])
-                    for part in note.removeprefix("the wheel's diameter is ").split(" ± ")
+def scale_error(results: list[Evaluation]) -> str:
+    """RMS error of the wheel scale in standard errors."""
+    errors = []
+    for one in results:
+        for note in one.located.notes:
+            if note.startswith(DIAMETER_NOTE):
+                scale, std = (
+                    float(part.split()[0]) for part in note.removeprefix(DIAMETER_NOTE).split(" ± ")
                 )
-                off.append((scale - 0.99) / error)
-    return f"{np.sqrt(np.mean(np.square(off))):.1f}" if off else ""
+                errors.append((scale - 0.99) / std)
+    return f"{np.sqrt(np.mean(np.square(errors))):.1f}" if errors else ""

@@ -143,9 +143,7 @@ def chainage_table(run: TrueRun) -> ChainageTable:
     )
 
 
-def sources(
-    run: TrueRun, kinds: str, errors: SensorErrors | None = None, seed: int = 0
-) -> Sources:
+def sources(run: TrueRun, kinds: str, errors: SensorErrors | None = None, seed: int = 0) -> Sources:
     """Recorded position sources.
 
     ``kinds`` consists of letters: g GNSS fixes, d their Doppler speeds, o odometer, s displayed speed in whole km/h,
