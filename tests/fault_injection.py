@@ -1,4 +1,4 @@
-"""Kinds of damage that loggers do to recordings, each as what it does to the columns of a table."""
+"""Faults of loggers, injected into the columns of a recording."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
-class Sensor:
-    """As a TOML describes it."""
+class SensorColumn:
+    """Column of a sensor as the TOML describes it."""
 
     column: str
     quantity: str
@@ -35,68 +35,78 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Table:
-    """What a logger recorded: ``time_s``, ``distance_m``, ``speed_km_h`` and the sensors' columns.
+class LoggerTable:
+    """LoggerTable of a logger: ``time_s``, ``distance_m``, ``speed_km_h`` and the sensors' columns.
 
-    ``places`` is what a TOML says of where the train was, where that is not the distance and the speed.
+    ``position_sources`` is the part of the TOML that describes them; "" if distance and speed are recorded.
     """
 
     columns: Columns
-    sensors: tuple[Sensor, ...]
+    sensors: tuple[SensorColumn, ...]
     time_unit: str = "s"
-    places: str = ""
+    position_sources: str = ""
 
     @property
     def first(self) -> str:
         return self.sensors[0].column
 
-    def with_(self, **changes: Array) -> Table:
-        return Table(self.columns | changes, self.sensors, self.time_unit, self.places)
+    def with_(self, **changes: Array) -> LoggerTable:
+        return LoggerTable(
+            self.columns | changes, self.sensors, self.time_unit, self.position_sources
+        )
 
-    def first_with(self, change: Callable[[Array], Array]) -> Table:
-        """With the first sensor changed, and recorded in the same steps as before."""
+    def first_with(self, change: Callable[[Array], Array]) -> LoggerTable:
+        """The table with the first sensor's signal changed, with the same quantisation as before."""
         before = self.columns[self.first]
         step, changed = recorded_step(before), change(before.copy())
         return self.with_(**{self.first: step * np.round(changed / step) if step else changed})
 
-    def rows(self, kept: Array) -> Table:
+    def rows(self, kept: Array) -> LoggerTable:
         columns = {name: values[kept] for name, values in self.columns.items()}
-        return Table(columns, self.sensors, self.time_unit, self.places)
+        return LoggerTable(columns, self.sensors, self.time_unit, self.position_sources)
 
 
-Writer = Callable[[Table, Path], str]
+Writer = Callable[[LoggerTable, Path], str]
 
 
 @dataclass(frozen=True)
-class Damage:
-    """One kind: what it does, by what it is known, and which samples are harmed (as shares of the whole; None: none).
+class InjectedFault:
+    """A fault and its expected treatment.
 
-    ``kinds`` one of which has to be found; ``said`` a text in a note; ``refused`` the sentence with which it is;
-    ``placed`` where the distance comes of other things: then the profile is judged where the train really was, and
-    the distance by what it says of itself.
+    Parameters
+    ----------
+    change : injects it
+    kinds : kinds of faults, one of which has to be reported
+    note : text that a note has to contain
+    stretch : start and end of the faulty samples as shares of the recording; None: no single stretch
+    writer : writes the table in another format than CSV
+    refused : text of the error with which the recording has to be refused
+    everywhere : whether the error of the complete profile may increase
+    estimated_distance : whether the distance is estimated from position sources: then the profile is compared at the
+        true positions, and the distance with its stated standard deviation
     """
 
     name: str
-    change: Callable[[Table], Table] = field(default=lambda table: table)
+    change: Callable[[LoggerTable], LoggerTable] = field(default=lambda table: table)
     kinds: frozenset[FaultKind] = frozenset()
-    said: str = ""
-    harmed: tuple[float, float] | None = None
+    note: str = ""
+    stretch: tuple[float, float] | None = None
     writer: Writer | None = None
     refused: str = ""
     everywhere: bool = False
-    placed: bool = False
+    estimated_distance: bool = False
 
 
-def write(table: Table, folder: Path, writer: Writer | None) -> Path:
-    """The file and the TOML that explains it."""
+def write(table: LoggerTable, folder: Path, writer: Writer | None) -> Path:
+    """Write the table and the TOML that describes it."""
     data = (writer or as_csv)(table, folder)
     lines = [
         "[recording]",
         f'data = "{data}"',
         f'time = {{ column = "time_s", unit = "{table.time_unit}" }}',
     ]
-    if table.places:
-        lines.append(table.places)
+    if table.position_sources:
+        lines.append(table.position_sources)
     else:
         if "distance_m" in table.columns:
             lines.append('distance = { column = "distance_m", unit = "m" }')
@@ -111,13 +121,13 @@ def write(table: Table, folder: Path, writer: Writer | None) -> Path:
     return folder / "run.toml"
 
 
-def as_csv(table: Table, folder: Path) -> str:
+def as_csv(table: LoggerTable, folder: Path) -> str:
     write_columns(folder / "run.csv", table.columns)
     return "run.csv"
 
 
-def as_(suffix: str) -> Writer:
-    def writer(table: Table, folder: Path) -> str:
+def in_format(suffix: str) -> Writer:
+    def writer(table: LoggerTable, folder: Path) -> str:
         columns = dict(table.columns)
         if suffix in {".mf4", ".tdms"}:
             columns = {("time" if name == "time_s" else name): one for name, one in columns.items()}
@@ -127,7 +137,7 @@ def as_(suffix: str) -> Writer:
     return writer
 
 
-def text_of(table: Table, separator: str, decimal: str, above: str, units: str) -> str:
+def csv_text(table: LoggerTable, separator: str, decimal: str, above: str, units: str) -> str:
     names = list(table.columns)
     rows = (
         separator.join(repr(float(value)).replace(".", decimal) for value in row)
@@ -137,35 +147,35 @@ def text_of(table: Table, separator: str, decimal: str, above: str, units: str) 
     return "\n".join([above + separator.join(names), *unit_row, *rows]) + "\n"
 
 
-def german(table: Table, folder: Path) -> str:
-    text = text_of(table, ";", ",", "Messgerät 7;Fw 2\nOrt;Böden\n\n", "")
+def german_csv(table: LoggerTable, folder: Path) -> str:
+    text = csv_text(table, ";", ",", "Messgerät 7;Fw 2\nOrt;Böden\n\n", "")
     (folder / "run.txt").write_text(text, encoding="cp1252")
     return "run.txt"
 
 
-def tabs_in_utf_16(table: Table, folder: Path) -> str:
-    (folder / "run.txt").write_text(text_of(table, "\t", ".", "", "[x]"), encoding="utf-16")
+def tabs_in_utf_16(table: LoggerTable, folder: Path) -> str:
+    (folder / "run.txt").write_text(csv_text(table, "\t", ".", "", "[x]"), encoding="utf-16")
     return "run.txt"
 
 
-def blanks(table: Table, folder: Path) -> str:
-    (folder / "run.dat").write_text(text_of(table, "   ", ".", "", ""))
+def spaces(table: LoggerTable, folder: Path) -> str:
+    (folder / "run.dat").write_text(csv_text(table, "   ", ".", "", ""))
     return "run.dat"
 
 
-def stamped(table: Table, folder: Path) -> str:
-    begin = datetime(2024, 2, 28, 23, 59, 50)  # over midnight, into a leap day
+def dates(table: LoggerTable, folder: Path) -> str:
+    start = datetime(2024, 2, 28, 23, 59, 50)  # over midnight, into a leap day
     lines = [";".join(table.columns)]
     for row in zip(*table.columns.values(), strict=True):
-        at = begin + timedelta(seconds=float(row[0]))
+        at = start + timedelta(seconds=float(row[0]))
         lines.append(";".join([f"{at:%d.%m.%Y %H:%M:%S},{at.microsecond:06d}",
                                *(repr(float(v)).replace(".", ",") for v in row[1:])]))  # fmt: skip
     (folder / "run.csv").write_text("\n".join(lines) + "\n")
     return "run.csv"
 
 
-def two_clocks(table: Table, folder: Path) -> str:
-    """All but the first sensor at half the rate, with a clock of their own."""
+def two_clocks(table: LoggerTable, folder: Path) -> str:
+    """All sensors but the first at half the sampling rate, with a separate clock."""
     with h5py.File(folder / "run.h5", "w") as file:
         for name, values in table.columns.items():
             slow = name in {one.column for one in table.sensors[1:]} or name == "slow_s"
@@ -173,19 +183,19 @@ def two_clocks(table: Table, folder: Path) -> str:
     return "run.h5"
 
 
-def at(table: Table, begin: float, end: float) -> slice:
+def at(table: LoggerTable, start: float, end: float) -> slice:
     count = len(next(iter(table.columns.values())))
-    return slice(int(begin * count), int(end * count))
+    return slice(int(start * count), int(end * count))
 
 
-def on_first(
-    change: Callable[[Array, slice], None], begin: float, end: float
-) -> Callable[[Table], Table]:
-    """Damage to a stretch of the first sensor."""
+def in_first_sensor(
+    change: Callable[[Array, slice], None], start: float, end: float
+) -> Callable[[LoggerTable], LoggerTable]:
+    """Fault of the first sensor in a stretch."""
 
-    def changed(table: Table) -> Table:
+    def changed(table: LoggerTable) -> LoggerTable:
         def inside(values: Array) -> Array:
-            change(values, at(table, begin, end))
+            change(values, at(table, start, end))
             return values
 
         return table.first_with(inside)
@@ -205,7 +215,7 @@ def spiked(values: Array, part: slice) -> None:
     values[where] += 30 * rms(values) * generator.choice([-1, 1], len(where))
 
 
-def burst(values: Array, part: slice) -> None:
+def bursts(values: Array, part: slice) -> None:
     generator = np.random.default_rng(2)
     for start in generator.choice(np.arange(part.start, part.stop - 6), 4, replace=False):
         values[start : start + 6] += 20 * rms(values) * generator.standard_normal(6)
@@ -216,38 +226,38 @@ def clipped(values: Array, part: slice) -> None:
     values[:] = np.clip(values, -end, end)
 
 
-def held(values: Array, part: slice) -> None:
+def stuck_at_one_value(values: Array, part: slice) -> None:
     values[part] = values[part.start]
 
 
-def louder(values: Array, part: slice) -> None:
+def noisy(values: Array, part: slice) -> None:
     generator = np.random.default_rng(3)
     values[part] += rms(values) * generator.standard_normal(part.stop - part.start)
 
 
-def coarse(values: Array, part: slice) -> None:
+def coarsely_quantised(values: Array, part: slice) -> None:
     step = 0.5 * rms(values)
     values[part] = step * np.round(values[part] / step)
 
 
-def jumped(values: Array, part: slice) -> None:
+def with_jump(values: Array, part: slice) -> None:
     values[part.start :] += 1.0 * rms(values)
 
 
-def copied(values: Array, part: slice) -> None:
+def repeated_buffer(values: Array, part: slice) -> None:
     length = part.stop - part.start
     values[part] = values[part.start - length : part.start]
 
 
-def drifting(table: Table) -> Table:
+def with_drift(table: LoggerTable) -> LoggerTable:
     return table.first_with(
         lambda values: values + rms(values) * np.sin(np.linspace(0, 2 * np.pi, len(values)))
     )
 
 
-def lost(begin: float, end: float) -> Callable[[Table], Table]:
-    def changed(table: Table) -> Table:
-        part = at(table, begin, end)
+def with_gap(start: float, end: float) -> Callable[[LoggerTable], LoggerTable]:
+    def changed(table: LoggerTable) -> LoggerTable:
+        part = at(table, start, end)
         kept = np.ones(len(table.columns["time_s"]), bool)
         kept[part] = False
         return table.rows(kept)
@@ -255,20 +265,20 @@ def lost(begin: float, end: float) -> Callable[[Table], Table]:
     return changed
 
 
-def some_lost(table: Table) -> Table:
+def random_rows_dropped(table: LoggerTable) -> LoggerTable:
     generator = np.random.default_rng(4)
     return table.rows(generator.random(len(table.columns["time_s"])) > 0.01)
 
 
-def rows_twice(table: Table) -> Table:
+def random_rows_repeated(table: LoggerTable) -> LoggerTable:
     generator = np.random.default_rng(5)
     count = len(table.columns["time_s"])
     twice = generator.random(count) < 0.01
     return table.rows(np.repeat(np.arange(count), 1 + twice))
 
 
-def clock_moved(by: float) -> Callable[[Table], Table]:
-    def changed(table: Table) -> Table:
+def clock_shifted(by: float) -> Callable[[LoggerTable], LoggerTable]:
+    def changed(table: LoggerTable) -> LoggerTable:
         time = table.columns["time_s"].copy()
         time[len(time) // 2 :] += by
         return table.with_(time_s=time)
@@ -276,28 +286,28 @@ def clock_moved(by: float) -> Callable[[Table], Table]:
     return changed
 
 
-def coarse_clock(table: Table) -> Table:
+def coarse_clock(table: LoggerTable) -> LoggerTable:
     return table.with_(time_s=np.floor(table.columns["time_s"] / 0.1) * 0.1)
 
 
-def stamps_missing(table: Table) -> Table:
+def time_stamps_missing(table: LoggerTable) -> LoggerTable:
     time = table.columns["time_s"].copy()
     time[np.random.default_rng(6).random(len(time)) < 0.01] = np.nan
     return table.with_(time_s=time)
 
 
-def speed_missing(table: Table) -> Table:
+def speed_missing(table: LoggerTable) -> LoggerTable:
     speed = table.columns["speed_km_h"].copy()
     speed[at(table, 0.3, 0.33)] = np.nan
     speed[np.random.default_rng(7).random(len(speed)) < 0.02] = np.nan
     return table.with_(speed_km_h=speed)
 
 
-def whole_speed(table: Table) -> Table:
+def speed_in_whole_km_h(table: LoggerTable) -> LoggerTable:
     return table.with_(speed_km_h=np.round(table.columns["speed_km_h"]))
 
 
-def cells_missing(table: Table) -> Table:
+def samples_missing(table: LoggerTable) -> LoggerTable:
     def emptied(values: Array) -> Array:
         values[at(table, 0.45, 0.46)] = np.nan
         return values
@@ -305,46 +315,46 @@ def cells_missing(table: Table) -> Table:
     return table.first_with(emptied)
 
 
-def dead(table: Table) -> Table:
+def dead_channel(table: LoggerTable) -> LoggerTable:
     last = table.sensors[-1].column
     return table.with_(**{last: np.zeros_like(table.columns[last])})
 
 
-def exchanged(table: Table) -> Table:
+def exchanged(table: LoggerTable) -> LoggerTable:
     a, b = (one.column for one in table.sensors[:2])
     return table.with_(**{a: table.columns[b], b: table.columns[a]})
 
 
-def turned(table: Table) -> Table:
+def sign_inverted(table: LoggerTable) -> LoggerTable:
     return table.first_with(np.negative)
 
 
-def upside_down(table: Table) -> Table:
+def upside_down(table: LoggerTable) -> LoggerTable:
     return table.first_with(lambda values: -(values + GRAVITY))
 
 
-def tilted(table: Table) -> Table:
+def tilted(table: LoggerTable) -> LoggerTable:
     return table.first_with(lambda values: np.cos(np.radians(35.0)) * (values + GRAVITY))
 
 
-def far_off(table: Table) -> Table:
+def with_offset(table: LoggerTable) -> LoggerTable:
     return table.first_with(lambda values: values + 2.0)
 
 
-def slow_gyro(table: Table) -> Table:
+def slow_gyroscope(table: LoggerTable) -> LoggerTable:
     columns = table.columns | {"slow_s": table.columns["time_s"]}
     first, *others = table.sensors
-    with_clock = tuple(Sensor(**(vars(one) | {"time": "slow_s"})) for one in others)
-    return Table(columns, (first, *with_clock), table.time_unit)
+    with_clock = tuple(SensorColumn(**(vars(one) | {"time": "slow_s"})) for one in others)
+    return LoggerTable(columns, (first, *with_clock), table.time_unit)
 
 
-def dated(table: Table) -> Table:
-    return Table(table.columns, table.sensors, "D.M.Y")
+def with_dates(table: LoggerTable) -> LoggerTable:
+    return LoggerTable(table.columns, table.sensors, "D.M.Y")
 
 
 PULSE = np.pi * 0.92 / 80
 
-PLACES = """[recording.gnss]
+POSITION_SOURCES = """[recording.gnss]
 latitude = { column = "lat", unit = "°" }
 longitude = { column = "lon", unit = "°" }
 
@@ -356,9 +366,9 @@ wheel_diameter = 0.92
 """
 
 
-def placed(table: Table, slip: float = 0.0) -> Table:
-    """Instead of a distance and a speed satellite positions, a tenth of them far off, none for a while, and a worn
-    wheel's pulses; ``slip`` m too many of them in a second and a half."""
+def from_position_sources(table: LoggerTable, slip: float = 0.0) -> LoggerTable:
+    """Distance and speed replaced by GNSS fixes, with a gap and 10 % outliers, and pulses of a worn wheel, which slips
+    by ``slip`` m within 1.5 s."""
     generator = np.random.default_rng(8)
     time, distance = table.columns["time_s"], table.columns["distance_m"]
     slipped = slip * np.clip((time - np.mean(time)) / 1.5, 0.0, 1.0)
@@ -366,121 +376,149 @@ def placed(table: Table, slip: float = 0.0) -> Table:
     lat, lon = np.full(len(time), np.nan), np.full(len(time), np.nan)
     rows = np.searchsorted(time, np.arange(time[0], time[-1], 1.0))
     rows = rows[(rows < 0.5 * len(time)) | (rows > 0.65 * len(time))]
-    off = generator.standard_normal((2, len(rows)))
-    off[:, generator.random(len(rows)) < 0.1] += 50.0
+    error = generator.standard_normal((2, len(rows)))
+    error[:, generator.random(len(rows)) < 0.1] += 50.0
     metre = 1.0 / 111.2e3
-    lat[rows] = 36.0 + metre * (distance[rows] + off[0])
-    lon[rows] = 137.0 + metre / np.cos(np.radians(36.0)) * off[1]
+    lat[rows] = 36.0 + metre * (distance[rows] + error[0])
+    lon[rows] = 137.0 + metre / np.cos(np.radians(36.0)) * error[1]
     columns = {
         name: one for name, one in table.columns.items() if name not in {"distance_m", "speed_km_h"}
     }
-    return Table(
-        columns | {"pulses": pulses, "lat": lat, "lon": lon}, table.sensors, table.time_unit, PLACES
+    return LoggerTable(
+        columns | {"pulses": pulses, "lat": lat, "lon": lon},
+        table.sensors,
+        table.time_unit,
+        POSITION_SOURCES,
     )
 
 
-def slipping(table: Table) -> Table:
-    return placed(table, 4.0)
+def with_slip(table: LoggerTable) -> LoggerTable:
+    return from_position_sources(table, 4.0)
 
 
 K = FaultKind
-DAMAGES: tuple[Damage, ...] = (
-    Damage("CSV with semicolons, decimal commas, words above, in Windows' letters", writer=german),
-    Damage("CSV with tabs and a row of units, in UTF-16", writer=tabs_in_utf_16),
-    Damage("CSV with blanks", writer=blanks),
-    Damage("times as dates, over midnight and a leap day", dated, writer=stamped),
-    Damage("Parquet", writer=as_(".parquet")),
-    Damage("HDF5", writer=as_(".h5")),
-    Damage("MATLAB", writer=as_(".mat")),
-    Damage("MDF", writer=as_(".mf4")),
-    Damage("TDMS", writer=as_(".tdms")),
-    Damage(
+FAULTS: tuple[InjectedFault, ...] = (
+    InjectedFault(
+        "CSV with semicolons, decimal commas, text above the header, Windows code page",
+        writer=german_csv,
+    ),
+    InjectedFault("CSV with tabs and a row of units, in UTF-16", writer=tabs_in_utf_16),
+    InjectedFault("CSV with spaces", writer=spaces),
+    InjectedFault("times as dates, over midnight and a leap day", with_dates, writer=dates),
+    InjectedFault("Parquet", writer=in_format(".parquet")),
+    InjectedFault("HDF5", writer=in_format(".h5")),
+    InjectedFault("MATLAB", writer=in_format(".mat")),
+    InjectedFault("MDF", writer=in_format(".mf4")),
+    InjectedFault("TDMS", writer=in_format(".tdms")),
+    InjectedFault(
         "two rates and clocks",
-        slow_gyro,
-        said="clocks were brought to one",
+        slow_gyroscope,
+        note="clocks were brought to one",
         writer=two_clocks,
         everywhere=True,
     ),
-    Damage("a gap", lost(0.4, 0.41), frozenset({K.GAP}), harmed=(0.4, 0.41)),
-    Damage("one row in a hundred lost", some_lost, frozenset({K.GAP})),
-    Damage(
-        "one row in a hundred twice", rows_twice, frozenset({K.REPEATED}), said="twice: left out"
-    ),
-    Damage(
-        "a buffer sent twice",
-        on_first(copied, 0.5, 0.51),
+    InjectedFault("a gap", with_gap(0.4, 0.41), frozenset({K.GAP}), stretch=(0.4, 0.41)),
+    InjectedFault("one row in a hundred lost", random_rows_dropped, frozenset({K.GAP})),
+    InjectedFault(
+        "one row in a hundred repeated",
+        random_rows_repeated,
         frozenset({K.REPEATED}),
-        harmed=(0.5, 0.51),
+        note="the time stamp before them: dropped",
     ),
-    Damage(
-        "a clock set back by 3 s",
-        clock_moved(-3.0),
+    InjectedFault(
+        "a buffer repeated",
+        in_first_sensor(repeated_buffer, 0.5, 0.51),
+        frozenset({K.REPEATED}),
+        stretch=(0.5, 0.51),
+    ),
+    InjectedFault(
+        "clock set back by 3 s",
+        clock_shifted(-3.0),
         frozenset({K.CLOCK}),
-        said="the clock jumps once",
+        note="the clock jumps once",
     ),
-    Damage(
-        "a clock that leaps ahead by 5 s",
-        clock_moved(5.0),
+    InjectedFault(
+        "clock advanced by 5 s",
+        clock_shifted(5.0),
         frozenset({K.CLOCK}),
-        said="the clock jumps once",
+        note="the clock jumps once",
     ),
-    Damage("a clock of tenths of a second", coarse_clock, said="coarser than the sampling"),
-    Damage("times missing", stamps_missing, said="times are missing"),
-    Damage("speed in whole km/h", whole_speed),
-    Damage("speed missing", speed_missing, frozenset({K.SPEED}), said="the speed is missing"),
-    Damage(
+    InjectedFault(
+        "clock with a resolution of 0.1 s", coarse_clock, note="coarser than the sampling"
+    ),
+    InjectedFault("times missing", time_stamps_missing, note="time stamps are missing"),
+    InjectedFault("speed in whole km/h", speed_in_whole_km_h),
+    InjectedFault(
+        "speed missing", speed_missing, frozenset({K.SPEED}), note="the speed is missing"
+    ),
+    InjectedFault(
         "samples missing",
-        cells_missing,
+        samples_missing,
         frozenset({K.MISSING}),
-        said="are missing",
-        harmed=(0.45, 0.46),
+        note="are missing",
+        stretch=(0.45, 0.46),
     ),
-    Damage(
-        "spikes", on_first(spiked, 0.3, 0.7), frozenset({K.SPIKE, K.OUTLIER}), harmed=(0.3, 0.7)
+    InjectedFault(
+        "spikes",
+        in_first_sensor(spiked, 0.3, 0.7),
+        frozenset({K.SPIKE, K.OUTLIER}),
+        stretch=(0.3, 0.7),
     ),
-    Damage("bursts", on_first(burst, 0.3, 0.4), frozenset({K.OUTLIER}), harmed=(0.3, 0.4)),
-    Damage(
-        "end of a range", on_first(clipped, 0.0, 1.0), frozenset({K.SATURATED}), everywhere=True
+    InjectedFault(
+        "bursts", in_first_sensor(bursts, 0.3, 0.4), frozenset({K.OUTLIER}), stretch=(0.3, 0.4)
     ),
-    Damage(
-        "a sensor that sticks", on_first(held, 0.6, 0.61), frozenset({K.STUCK}), harmed=(0.6, 0.61)
-    ),
-    Damage(
-        "a stretch that is loud",
-        on_first(louder, 0.4, 0.5),
-        frozenset({K.LOUD, K.OUTLIER}),
-        harmed=(0.4, 0.5),
-    ),
-    Damage(
-        "a stretch in coarse steps",
-        on_first(coarse, 0.4, 0.5),
-        frozenset({K.COARSE, K.LOUD}),
-        harmed=(0.4, 0.5),
-    ),
-    Damage(
-        "an offset that jumps",
-        on_first(jumped, 0.5, 0.5),
-        frozenset({K.JUMP, K.DRIFT}),
-        harmed=(0.49, 0.51),
-    ),
-    Damage("an offset that drifts", drifting, frozenset({K.DRIFT}), everywhere=True),
-    Damage("an offset of 2 m/s²", far_off, said="has an offset"),
-    Damage("gravity, upside down", upside_down, said="turned upside down"),
-    Damage("35° off the vertical", tilted, said="corrected for 35°", everywhere=True),
-    Damage(
-        "a dead channel",
-        dead,
-        frozenset({K.STUCK}),
-        said="(stuck): it is not used",
+    InjectedFault(
+        "end of the range",
+        in_first_sensor(clipped, 0.0, 1.0),
+        frozenset({K.SATURATED}),
         everywhere=True,
     ),
-    Damage("two channels exchanged", exchanged, frozenset({K.EXCHANGED}), said="are exchanged"),
-    Damage(
-        "satellite positions far off and missing, and pulses",
-        placed,
-        said="places come from",
-        placed=True,
+    InjectedFault(
+        "a stuck sensor",
+        in_first_sensor(stuck_at_one_value, 0.6, 0.61),
+        frozenset({K.STUCK}),
+        stretch=(0.6, 0.61),
     ),
-    Damage("a wheel that slips", slipping, frozenset({K.SLIP}), placed=True),
-    Damage("one sign turned", turned, refused="one of them is wrong"),
+    InjectedFault(
+        "a noisy stretch",
+        in_first_sensor(noisy, 0.4, 0.5),
+        frozenset({K.NOISY, K.OUTLIER}),
+        stretch=(0.4, 0.5),
+    ),
+    InjectedFault(
+        "a stretch with coarse resolution",
+        in_first_sensor(coarsely_quantised, 0.4, 0.5),
+        frozenset({K.COARSE, K.NOISY}),
+        stretch=(0.4, 0.5),
+    ),
+    InjectedFault(
+        "offset jump",
+        in_first_sensor(with_jump, 0.5, 0.5),
+        frozenset({K.JUMP, K.DRIFT}),
+        stretch=(0.49, 0.51),
+    ),
+    InjectedFault("offset drift", with_drift, frozenset({K.DRIFT}), everywhere=True),
+    InjectedFault("offset of 2 m/s²", with_offset, note="has an offset"),
+    InjectedFault(
+        "gravity included, sensor upside down", upside_down, note="inverted, gravity subtracted"
+    ),
+    InjectedFault("tilted by 35°", tilted, note="corrected for a tilt of 35°", everywhere=True),
+    InjectedFault(
+        "dead channel",
+        dead_channel,
+        frozenset({K.STUCK}),
+        note="(stuck): it is not used",
+        everywhere=True,
+    ),
+    InjectedFault(
+        "two channels exchanged", exchanged, frozenset({K.EXCHANGED}), note="are exchanged"
+    ),
+    InjectedFault(
+        "GNSS fixes with outliers and gaps, and pulses",
+        from_position_sources,
+        note="sources are",
+        estimated_distance=True,
+    ),
+    InjectedFault("wheel slip", with_slip, frozenset({K.SLIP}), estimated_distance=True),
+    InjectedFault("one sign reversed", sign_inverted, refused="one of them is wrong"),
 )

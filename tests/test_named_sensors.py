@@ -1,7 +1,7 @@
-"""Named sensors on the bell and on FRA 4 to 6: what bias, drift, flicker and spikes of their sizes cost in D1 and D2.
+"""Effect of bias, drift, flicker and spikes of named sensors on the error in D1 and D2, on the bell and on FRA 4 to 6.
 
-The paper's two models, on what the smoother takes them to stand on, so that nothing but the sensors is at fault. Sizes
-are those of the data sheets, as far as they were read; what is marked K is from memory.
+The simulations use the two vehicle models of the 2017 article on the track model of the smoother, so that the sensors
+are the only cause of errors. Magnitudes are those of the data sheets; values marked K are from memory, without a sheet.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from trackprofile.units import unit_factor
 Array = np.ndarray
 BANDS = (D1, D2)
 LENGTH = 300.0  # m
-WARMING, WARMED = 300.0, 10.0  # s, K: a sensor that was switched on as the run begins
-SPAN = 40.0  # K, from the workshop to a winter's day
+WARMING, WARMED = 300.0, 10.0  # s, K: a sensor that is switched on at the start of the run
+SPAN = 40.0  # K, range of ambient temperature
 IN_RUN = 1 / np.sqrt(2 * np.log(2))  # flicker at 1 Hz over the floor of the Allan deviation
 CORNER = np.sqrt(0.1)  # flicker over white noise of a sensor whose corner is at 0.1 Hz
 
 
 @dataclass(frozen=True)
 class Part:
-    """In ``unit``: noise per √Hz, flicker at 1 Hz, greatest bias, drift per K, range, step; bandwidth in Hz."""
+    """Data sheet in ``unit``: noise per √Hz, flicker at 1 Hz, largest bias, drift per K, range, step; bandwidth in
+    Hz."""
 
     unit: str
     noise: float
@@ -61,11 +62,11 @@ def accelerometer(noise: float, flicker: float, bias: float, *others: float) -> 
 
 
 def gyroscope(noise: float, in_run: float, bias: float, range_: float, *others: float) -> Part:
-    """``in_run`` in °/h."""
+    """Gyroscope with an in-run bias instability in °/h."""
     return Part("°/s", noise, IN_RUN * in_run / 3600, bias, bias / SPAN, range_, *others)
 
 
-USUAL = 0.6  # °/s, zero-rate offset where no sheet was read (K)
+DEFAULT_OFFSET = 0.6  # °/s, zero-rate offset of parts without a sheet (K)
 PARTS = {
     # 0.15 and 0.75 mg/K over 40 K; flicker as of ADXL1002, whose corner is at 0.1 Hz (K)
     "ADXL355": accelerometer(0.0225, 0.0225 * CORNER, 6.0, 8e3),
@@ -81,11 +82,11 @@ PARTS = {
     # 100 mg of offset (K)
     "ADXL345": accelerometer(0.43, 0.43 * CORNER, 100.0, 16e3, 3.9),
     "LSM6DSV": gyroscope(0.0028, 3.0, 1.0, 125.0),
-    "ADXRS646": gyroscope(0.010, 12.0, USUAL, 250.0),
+    "ADXRS646": gyroscope(0.010, 12.0, DEFAULT_OFFSET, 250.0),
     "MTi-1 acceleration": accelerometer(0.12, 0.030 * IN_RUN, 5.0, 16e3, 0.0, 262.0),
-    "MTi-1": gyroscope(0.007, 10.0, USUAL, 2000.0, 0.0, 255.0),
+    "MTi-1": gyroscope(0.007, 10.0, DEFAULT_OFFSET, 2000.0, 0.0, 255.0),
 }
-MOUNTED = (
+SENSOR_PAIRS = (
     ("ADXL355", "LSM6DSV"),
     ("ADXL357", "ADXRS646"),
     ("MS1010", "STIM300"),
@@ -97,45 +98,45 @@ MOUNTED = (
 
 
 @dataclass(frozen=True)
-class Harm:
-    """What the sensors do beside white noise; ``unsaid``: the recording does not state their flicker."""
+class SensorErrorSet:
+    """Sensor errors besides white noise; ``unstated``: the recording does not state their flicker."""
 
     bias: bool = False
     drift: bool = False
     flicker: bool = False
     spikes: bool = False
-    unsaid: bool = False
+    unstated: bool = False
 
 
-HARMS = {
-    "clean": Harm(),
-    "bias": Harm(bias=True),
-    "drift": Harm(drift=True),
-    "flicker": Harm(flicker=True),
-    "unsaid": Harm(flicker=True, unsaid=True),
-    "spikes": Harm(spikes=True),
-    "all": Harm(True, True, True, True),
+ERROR_SETS = {
+    "clean": SensorErrorSet(),
+    "bias": SensorErrorSet(bias=True),
+    "drift": SensorErrorSet(drift=True),
+    "flicker": SensorErrorSet(flicker=True),
+    "unstated": SensorErrorSet(flicker=True, unstated=True),
+    "spikes": SensorErrorSet(spikes=True),
+    "all": SensorErrorSet(True, True, True, True),
 }
 
 
 @dataclass(frozen=True)
-class Ride:
-    """One of the paper's cases, ridden: what its sensors felt, by quantity."""
+class SimulatedCase:
+    """Simulated run of one case of the article; ``exact``: signals without sensor errors, by quantity."""
 
     scenario: Scenario
     prior: str
     time: Array
     position: Array
     speed: Array
-    felt: dict[str, Array]
+    exact: dict[str, Array]
 
     @property
     def body(self) -> str:
         return "bogie" if self.scenario.vehicle.name == "quarter-car" else "leading bogie"
 
 
-def ridden(name: str, folder: Path) -> Ride:
-    """A preset, over 300 m, on a point track; "slow": at 36 km/h."""
+def simulate_case(name: str, folder: Path) -> SimulatedCase:
+    """Simulated run over a preset of 300 m on a point track; ", slow": at 36 km/h."""
     name, _, slow = name.partition(", ")
     text = (PRESETS / f"{name}.toml").read_text(encoding="utf-8")
     (end,) = (line for line in text.splitlines() if line.startswith("end ="))
@@ -156,129 +157,131 @@ def ridden(name: str, folder: Path) -> Ride:
     }
     prior = name[:5] if name.startswith("fra") else "fra-6"
     every = scenario.steps_per_sample
-    return Ride(
+    return SimulatedCase(
         scenario, prior, done.time[::every], done.position[::every], done.speed[::every], exact
     )
 
 
-def recorded(ride: Ride, parts: Sequence[Part], harm: Harm, seed: int) -> xr.Dataset:
+def record(
+    case: SimulatedCase, parts: Sequence[Part], errors: SensorErrorSet, seed: int
+) -> xr.Dataset:
     generator, channels = np.random.default_rng(seed), []
-    step, interval = ride.scenario.scheme.step, ride.scenario.sampling_interval
+    step, interval = case.scenario.scheme.step, case.scenario.sampling_interval
     for part in parts:
         noise, spikes = generator.spawn(2)
-        if part.quantity not in ride.felt:
+        if part.quantity not in case.exact:
             continue
-        exact, scale = ride.felt[part.quantity], part.si
+        exact, scale = case.exact[part.quantity], part.si
         warm = WARMED * -np.expm1(-step * np.arange(len(exact)) / WARMING)
-        off = part.bias * harm.bias + part.per_kelvin * warm * harm.drift
+        offset = part.bias * errors.bias + part.per_kelvin * warm * errors.drift
         sensor = Sensor(
-            part.unit, part.quantity, ride.body, noise_density=scale * part.noise,
+            part.unit, part.quantity, case.body, noise_density=scale * part.noise,
             bandwidth=part.bandwidth, flicker=scale * part.flicker,
         )  # fmt: skip
-        real = replace(sensor, flicker=sensor.flicker if harm.flicker else None)
+        real = replace(sensor, flicker=sensor.flicker if errors.flicker else None)
         instrument = Instrument(real, resolution=scale * part.step, range=scale * part.range)
-        values, valid = measure(instrument, exact + scale * off, step, interval, noise)
-        if harm.spikes:
+        values, valid = measure(instrument, exact + scale * offset, step, interval, noise)
+        if errors.spikes:
             values = spiked(values, instrument, interval, spikes)
         channels.append(
             Channel(
-                part.unit.replace("/", " per "), values, part.quantity, ride.body, 0.0, sensor.noise_density,
-                valid, sensor.bandwidth, None if harm.unsaid else sensor.flicker,
+                part.unit.replace("/", " per "), values, part.quantity, case.body, 0.0, sensor.noise_density,
+                valid, sensor.bandwidth, None if errors.unstated else sensor.flicker,
             )
         )  # fmt: skip
-    return build_recording(channels, time=ride.time, distance=ride.position, speed=ride.speed)
+    return build_recording(channels, time=case.time, distance=case.position, speed=case.speed)
 
 
 def spiked(
     values: Array, instrument: Instrument, interval: float, generator: np.random.Generator
 ) -> Array:
-    """To either end of the range once a second, and a burst of eight samples every other second."""
-    values, second, most = values.copy(), round(1 / interval), instrument.range or np.inf
+    """Signal with a saturated sample per second and a burst of eight samples every two seconds."""
+    values, second, limit = values.copy(), round(1 / interval), instrument.range or np.inf
     for start in range(0, len(values) - second, second):
-        values[start + generator.integers(second)] = most * generator.choice([-1, 1])
-    loud = 20 * np.std(values)
+        values[start + generator.integers(second)] = limit * generator.choice([-1, 1])
+    burst_std = 20 * np.std(values)
     for start in range(0, len(values) - 2 * second, 2 * second):
         first = start + generator.integers(2 * second - 8)
-        values[first : first + 8] += loud * generator.standard_normal(8)
-    values, step = np.clip(values, -most, most), instrument.resolution
+        values[first : first + 8] += burst_std * generator.standard_normal(8)
+    values, step = np.clip(values, -limit, limit), instrument.resolution
     return step * np.round(values / step) if step else values
 
 
 @dataclass(frozen=True)
-class Found:
-    """By band: root mean square error in m, and share of points within 1.96 stated standard deviations."""
+class BandErrors:
+    """By band: RMS error, m, and share of points within 1.96 stated standard deviations."""
 
     error: dict[str, float]
     inside: dict[str, float]
     kinds: frozenset[str]
 
 
-def found(ride: Ride, recording: xr.Dataset) -> Found:
-    scenario = ride.scenario
+def evaluate(case: SimulatedCase, recording: xr.Dataset) -> BandErrors:
+    scenario = case.scenario
     result = estimate(
         recording,
         scenario.vehicle,
-        InferenceSettings(track=scenario.track, prior=read_spectrum(ride.prior), samples=48),
+        InferenceSettings(track=scenario.track, prior=read_spectrum(case.prior), samples=48),
     )
     at = result.profile["distance"].to_numpy()
     error = result.profile["elevation"].to_numpy() - scenario.irregularity.at(at)[0]
     errors, inside = {}, {}
     for band in BANDS:
-        part = judged(at, band)
-        off = band_pass(error, 0.25, band)[part]
-        stated = result.profile[f"standard_deviation_{band.name}"].to_numpy()[part]
-        errors[band.name] = float(np.sqrt(np.mean(off**2)))
-        inside[band.name] = float(np.mean(np.abs(off) < 1.96 * stated))
-    return Found(errors, inside, frozenset(str(one.kind) for one in result.faults))
+        used = inner_points(at, band)
+        in_band = band_pass(error, 0.25, band)[used]
+        stated = result.profile[f"standard_deviation_{band.name}"].to_numpy()[used]
+        errors[band.name] = float(np.sqrt(np.mean(in_band**2)))
+        inside[band.name] = float(np.mean(np.abs(in_band) < 1.96 * stated))
+    return BandErrors(errors, inside, frozenset(str(one.kind) for one in result.faults))
 
 
-def judged(at: Array, band: Band) -> Array:
-    """A longest wave from both ends."""
+def inner_points(at: Array, band: Band) -> Array:
+    """Points at least the band's longest wavelength from both ends."""
     return (at > band.longest) & (at < LENGTH - band.longest)
 
 
-PAPERS = tuple(
+CASES = tuple(
     f"{case}-model-{model}" for case in ("bell", "fra-4", "fra-5", "fra-6") for model in "ab"
 )
 SLOW = "fra-5-model-b, slow"
 
 
 @pytest.mark.acceptance
-def test_what_faults_of_named_sensors_cost(
+def test_errors_of_named_sensors_hardly_increase_the_error_of_the_profile(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     outcomes = {}
-    for case in (*PAPERS, SLOW):
-        ride = ridden(case, tmp_path)
-        for number, pair in enumerate(MOUNTED):
+    for case in (*CASES, SLOW):
+        simulated = simulate_case(case, tmp_path)
+        for number, pair in enumerate(SENSOR_PAIRS):
             parts = [PARTS[one] for one in pair]
             outcomes[case, pair] = {
-                name: found(ride, recorded(ride, parts, harm, number))
-                for name, harm in HARMS.items()
+                name: evaluate(simulated, record(simulated, parts, errors, number))
+                for name, errors in ERROR_SETS.items()
             }
     lines = ["", "RMS error in mm (and share inside the stated 95 %) by sensors and case"]
-    for (case, pair), by_harm in outcomes.items():
+    for (case, pair), by_error_set in outcomes.items():
         for band in BANDS:
             cells = [
                 f"{name} {1e3 * one.error[band.name]:.4f} ({one.inside[band.name]:.2f})"
-                for name, one in by_harm.items()
+                for name, one in by_error_set.items()
             ]
             lines.append(f"{pair[0][:8]:9}{case:20}{band.name}  " + "  ".join(cells))
     lines.append("all cases: growth over clean, share inside")
     summary = {
         (pair, band.name, name): (
-            growth([outcomes[case, pair] for case in (*PAPERS, SLOW)], name, band),
-            float(np.mean([outcomes[case, pair][name].inside[band.name] for case in (*PAPERS, SLOW)])),
+            growth([outcomes[case, pair] for case in (*CASES, SLOW)], name, band),
+            float(np.mean([outcomes[case, pair][name].inside[band.name] for case in (*CASES, SLOW)])),
         )
-        for pair in MOUNTED
+        for pair in SENSOR_PAIRS
         for band in BANDS
-        for name in HARMS
+        for name in ERROR_SETS
     }  # fmt: skip
-    for pair in MOUNTED:
+    for pair in SENSOR_PAIRS:
         for band in BANDS:
             cells = [
                 f"{name} {summary[pair, band.name, name][0]:.3f} ({summary[pair, band.name, name][1]:.2f})"
-                for name in HARMS
+                for name in ERROR_SETS
             ]
             lines.append(f"{pair[0][:8]:9}{band.name}  " + "  ".join(cells))
     with capsys.disabled():
@@ -286,11 +289,11 @@ def test_what_faults_of_named_sensors_cost(
     for (pair, band, name), (grown, inside) in summary.items():
         if name in {"bias", "spikes"}:
             assert grown < 1.1, (pair, band, name)
-        if name != "unsaid":
+        if name != "unstated":
             assert inside > 0.85, (pair, band, name)
 
 
-def growth(outcomes: Sequence[dict[str, Found]], name: str, band: Band) -> float:
-    """Error over that of the clean recording, in the quadratic mean over cases."""
+def growth(outcomes: Sequence[dict[str, BandErrors]], name: str, band: Band) -> float:
+    """RMS over all cases of the error relative to that without sensor errors."""
     ratios = [one[name].error[band.name] / one["clean"].error[band.name] for one in outcomes]
     return float(np.sqrt(np.mean(np.square(ratios))))

@@ -62,8 +62,8 @@ class SensorErrors:
 
     Parameters
     ----------
-    fix_std, bias_std : standard deviations of the noise and of the bias of GNSS fixes in each direction, m; the bias has
-        a correlation time of 100 s
+    fix_std, bias_std : standard deviations of the noise and of the bias of GNSS fixes in each direction, m; the bias
+        has a correlation time of 100 s
     outlier_share : share of fixes with an additional error of 50 m
     tunnel : interval without fixes, s
     wheel_scale : true over nominal diameter

@@ -23,8 +23,8 @@ from trackprofile.preprocessing.faults import (
     EXCLUDED_KINDS,
     Fault,
     FaultKind,
-    find_faults,
     fault_mask,
+    find_faults,
 )
 from trackprofile.preprocessing.motion import motion
 from trackprofile.preprocessing.mounting import MountingCorrection, correct_mounting

@@ -11,7 +11,8 @@ states of some ten numbers: the position of a train, a smooth curve through GNSS
 which enter and leave in a ring, and it stores only what the elevation of each knot needs. Both give the same statistics
 to the robust reweighting (`trackprofile.kalman.reweighting`).
 
-Source: G. J. Bierman, Fixed interval smoothing with discrete measurements, International Journal of Control 18(1), 1973.
+Source: G. J. Bierman, Fixed interval smoothing with discrete measurements, International Journal of Control 18(1),
+1973.
 """
 
 from __future__ import annotations

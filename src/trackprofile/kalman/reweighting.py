@@ -7,9 +7,9 @@ A smoother for Gaussian noise gives, besides the posterior, the leave-one-out re
 where ŷ_k is the prediction of y_k from all other observations, p_k the variance of that prediction, v_k the noise
 variance of y_k and S the covariance of all observations (de Jong 1988). An observation whose |e_k| exceeds
 `OUTLIER_THRESHOLD` standard deviations is given the noise variance v_k = e_k² - p_k, the maximum-likelihood estimate of
-a variance of its own (Thompson 1985). A jump of the state at the end of a step is detected in the same way, by its score
-(`JumpStatistics`). Weights that depend on residuals make the problem non-linear; it is solved by fixed-point iteration
-(Huber 1964): smooth, adapt the variances, repeat until no variance changes (`reweight`).
+a variance of its own (Thompson 1985). A jump of the state at the end of a step is detected in the same way, by its
+score (`JumpStatistics`). Weights that depend on residuals make the problem non-linear; it is solved by fixed-point
+iteration (Huber 1964): smooth, adapt the variances, repeat until no variance changes (`reweight`).
 
 Used by `trackprofile.kalman.robust` (sensors on a profile), `trackprofile.positioning.position_smoother` (position
 sources) and `trackprofile.positioning.gnss_alignment` (GNSS fixes on a smooth curve). The passes of a fusion are

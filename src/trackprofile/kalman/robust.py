@@ -54,7 +54,8 @@ MIN_NOISE_RATIO = 1e-9
 """Lower limit of a noise ratio, so that it has a logarithm."""
 
 JUMP_HYSTERESIS = 0.5
-"""Share of the detection threshold above which a jump that was detected before is kept, so that jumps do not alternate."""
+"""Share of the detection threshold above which a jump that was detected before is kept, so that jumps do not
+alternate."""
 
 WALK_RATIO_THRESHOLD = 1.25
 """Ratio of estimated to modelled variance, or its inverse, at which the random walk of an offset is adapted again."""

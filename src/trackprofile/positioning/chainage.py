@@ -1,8 +1,8 @@
 """Chainage table of a line: kilometre posts, direction of travel and coordinates by distance.
 
-A profile is given over the distance that the train ran. The kilometrage of a line differs from it: it may decrease along
-the run, its kilometres may be longer or shorter than 1000 m, and it jumps where the line was rebuilt. A `ChainageTable`
-converts between both.
+A profile is given over the distance that the train ran. The kilometrage of a line differs from it: it may decrease
+along the run, its kilometres may be longer or shorter than 1000 m, and it jumps where the line was rebuilt. A
+`ChainageTable` converts between both.
 """
 
 from __future__ import annotations

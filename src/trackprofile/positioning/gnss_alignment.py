@@ -1,13 +1,13 @@
 """Distance along a line that is known only from the GNSS fixes of the run itself.
 
 The line is a smooth curve p(ξ) through the fixes, over the approximate travelled distance ξ: the second derivative of
-each coordinate is a random walk, as the curvature of a railway is, and its strength is the most likely one. The distance
-is the length of the curve,
+each coordinate is a random walk, as the curvature of a railway is, and its strength is the most likely one. The
+distance is the length of the curve,
 
     s(ξ) = ∫ |p'| + Var p'/(2 |p'|) dξ,
 
-where the second term replaces the length of the bends that a smooth estimate lacks. Each fix is projected onto the curve,
-so that lateral noise does not lengthen the distance.
+where the second term replaces the length of the bends that a smooth estimate lacks. Each fix is projected onto the
+curve, so that lateral noise does not lengthen the distance.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ CURVATURE_WALKS = tuple(float(one) for one in np.geomspace(3e-4, 1e-6, 13))
 transitions to curves of 300 m radius."""
 
 ACCELERATION_WALK = 0.5
-"""m/s² per √s, random walk of the acceleration in each coordinate, for an approximate distance without other sources."""
+"""m/s² per √s, random walk of the acceleration in each coordinate, for an approximate distance without other
+sources."""
 
 NODE_SPACING = 5.0
 """m, distance between nodes of the curve, unless that makes more than `MAX_NODES_PER_FIX`."""

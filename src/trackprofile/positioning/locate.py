@@ -306,7 +306,8 @@ def _notes(
         ratio = estimate.weights.noise_ratio[Source.GNSS_POSITION]
         noise = np.sqrt(ratio * float(np.median(rows.variance[fixes])))
         yield (
-            f"standard deviation of the GNSS fixes {noise:.2g} m along the line, of their bias {estimate.bias_std:.2g} m"
+            f"standard deviation of the GNSS fixes {noise:.2g} m along the line, and of their bias "
+            f"{estimate.bias_std:.2g} m"
         )
     if determined:
         error = estimate.scale * estimate.scale_std

@@ -205,7 +205,8 @@ def position_chain(
     Parameters
     ----------
     speed : (n,), at the nodes, m/s
-    slip, jerk : (n - 1,), variances of a jump of the slip, m², and of the acceleration, (m/s²)², at the end of each step
+    slip, jerk : (n - 1,), variances of a jump of the slip, m², and of the acceleration, (m/s²)², at the end of
+        each step
 
     Returns
     -------

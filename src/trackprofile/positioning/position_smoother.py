@@ -2,8 +2,8 @@
 
 The model of `trackprofile.positioning.position_model` is smoothed with iteratively reweighted noise
 (`trackprofile.kalman.reweighting`): an outlier is given the noise variance that it shows, a source whose noise is not
-stated the noise ratio of its residuals, and where the score of a jump is significant the wheel slips or the acceleration
-changes. Each iteration linearises the model about the speed of the one before.
+stated the noise ratio of its residuals, and where the score of a jump is significant the wheel slips or the
+acceleration changes. Each iteration linearises the model about the speed of the one before.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ MAX_ACCELERATION_JUMP = 1.2
 """m/s², largest jump of a train's acceleration; a wheel with a larger one slips."""
 
 SLIP_STD = 1.0
-"""m, standard deviation of a jump of the slip in a step while the wheel slips: more than the other sources leave open."""
+"""m, standard deviation of a jump of the slip in a step while the wheel slips: more than the other sources leave
+open."""
 
 SLIP_DURATION = 1.5
 """s before and after a detected slip in which the wheel may slip."""

@@ -94,9 +94,9 @@ def saturated(values: Array) -> Mask:
 def stuck(values: Array) -> Mask:
     """Samples of a value that stays much longer than values of this signal typically do.
 
-    It must start or end abruptly: by a step of at least the median change at one of its ends, or in a signal that nowhere
-    else comes nearly to rest. A signal that comes to rest and leaves it gradually is not stuck. A constant signal is stuck
-    altogether.
+    It must start or end abruptly: by a step of at least the median change at one of its ends, or in a signal that
+    nowhere else comes nearly to rest. A signal that comes to rest and leaves it gradually is not stuck. A constant
+    signal is stuck altogether.
 
     Parameters
     ----------

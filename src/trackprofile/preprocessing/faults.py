@@ -1,7 +1,7 @@
 """Faults of a recording: kinds, detection by rules on single signals, and masks of faulty samples.
 
-Each rule uses one signal alone, without a model of vehicle or track. Faults that only the model reveals (small outliers,
-noisy stretches, offset jumps) are detected by the smoother, see :mod:`trackprofile.kalman.robust`.
+Each rule uses one signal alone, without a model of vehicle or track. Faults that only the model reveals (small
+outliers, noisy stretches, offset jumps) are detected by the smoother, see :mod:`trackprofile.kalman.robust`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Motion of the train at each sample: time, distance, speed and acceleration.
 
-Speeds are often recorded in steps, in whole km/h for example. Between two changes such a record says little: its error is
-constant. At a change the speed is known well: it lies halfway between both steps. The speed is estimated from the changes
-by a penalised least-squares spline, whose penalty is a random walk of the acceleration.
+Speeds are often recorded in steps, in whole km/h for example. Between two changes such a record says little: its error
+is constant. At a change the speed is known well: it lies halfway between both steps. The speed is estimated from the
+changes by a penalised least-squares spline, whose penalty is a random walk of the acceleration.
 """
 
 from __future__ import annotations
@@ -276,7 +276,8 @@ def _updates(values: Array, interval: Array) -> Indices:
     """Numbers of the readings at which the record was updated.
 
     Some records repeat each value until the next update. The update interval is found if most intervals between changes
-    are multiples of one that is longer than the sampling interval, and not all are equal; else each reading is an update.
+    are multiples of one that is longer than the sampling interval, and not all are equal; else each reading is an
+    update.
 
     Parameters
     ----------

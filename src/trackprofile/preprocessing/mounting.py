@@ -31,7 +31,8 @@ class MountingCorrection:
     ----------
     values : (n,)
     note : what was corrected; "" if nothing
-    gain_std : relative standard deviation of the gain after a tilt correction, since an offset looks like a tilt; else 0
+    gain_std : relative standard deviation of the gain after a tilt correction, since an offset looks like a tilt;
+        else 0
     by_gravity : whether gravity determined the sign of the signal
     """
 
