@@ -327,7 +327,7 @@ SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         lambda folder: rows(
             folder, lambda lines: [lines[0], *("0" + line[line.index(",") :] for line in lines[1:])]
         ),
-        ("time: it never increases",),
+        ("The time never increases",),
     ),
     "a negative speed": (lambda folder: cells(folder, 1, 5, "-3.0"), ("data row 5", "speed")),
     "a file cut short": (

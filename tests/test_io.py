@@ -228,7 +228,7 @@ def test_time_that_runs_backwards_is_mended_and_said(run: Path) -> None:
     recording = read(run)
     np.testing.assert_allclose(recording["time"], [0.0, 30.0, 60.0])
     np.testing.assert_array_equal(recording["clock_fault"], [0, 0, 1])
-    assert "mended: the clock jumps once: mended" in recording.attrs["provenance"]
+    assert "repaired: the clock jumps once: jump removed" in recording.attrs["provenance"]
 
 
 def test_speed_that_is_missing_is_filled_and_said(run: Path) -> None:

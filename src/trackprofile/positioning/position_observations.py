@@ -159,7 +159,7 @@ def gnss_observations(
 def post_observations(posts: KilometrePosts, distance: Array, speed: Array) -> PositionObservations:
     """Kilometre posts at distances, (n,) m, passed at speeds, (n,) m/s."""
     variance = posts.std**2 + (speed * posts.time_std) ** 2
-    return PositionObservations(Source.POST, posts.time, distance + posts.offset, variance)
+    return PositionObservations(Source.POST, posts.time, distance + posts.detector_offset, variance)
 
 
 def valid_fixes(fixes: GnssFixes) -> NDArray[np.intp]:

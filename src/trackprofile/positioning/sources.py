@@ -79,14 +79,14 @@ class KilometrePosts:
     time, kilometre : (n,), s and km
     std : standard deviation of a post's location, m
     time_std : standard deviation of the time of a passage, s
-    offset : distance of the detector of the posts behind the leading wheel, m
+    detector_offset : distance of the detector of the posts behind the leading wheel, m
     """
 
     time: Array
     kilometre: Array
     std: float
     time_std: float
-    offset: float = 0.0
+    detector_offset: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ class FaultKind(StrEnum):
 
     GAP = "gap"
     MISSING = "samples missing"
-    MOUNTING = "sensor mounting"
+    MOUNTING = "wrong mounting"
     CLOCK = "clock jump"
     SPEED = "speed missing"
     POSITION = "position outlier"
@@ -57,11 +57,11 @@ class FaultKind(StrEnum):
     SATURATED = "saturation"
     STUCK = "stuck"
     COARSE = "loss of resolution"
-    NOISY = "increased noise"
+    NOISY = "noisier than stated"
     JUMP = "offset jump"
     DRIFT = "offset drift"
     EXCHANGED = "channels exchanged"
-    SIGN = "sign inverted"
+    SIGN = "sign reversed"
     REVERSED = "vehicle reversed"
 
 
