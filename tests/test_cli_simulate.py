@@ -25,7 +25,7 @@ def test_recording_truth_and_pictures_are_left_and_infer_takes_them(
     assert run("simulate", "fra-6-model-b", "-o", recording, "--truth", truth, "--json") == 0
     said = json.loads(capsys.readouterr().out)
     assert said["samples"] == read(recording).sizes["sample"]
-    assert said["least_contact_force_n"] > 0
+    assert said["minimum_contact_force_n"] > 0
     assert {Path(one).name for one in said["files"]} == {
         "run.toml",
         "truth.csv",

@@ -21,7 +21,7 @@ from trackprofile.reporting.figures import (
     write_html,
     write_png,
 )
-from trackprofile.reporting.figures.chart import MOST_POINTS, extremes, profile_chart
+from trackprofile.reporting.figures.chart import MAX_POINTS, extremes, profile_chart
 from trackprofile.reporting.figures.simulation_figure import simulation_chart
 from trackprofile.simulation.simulate import Simulation
 
@@ -76,7 +76,7 @@ def test_interactive_figure_has_a_panel_for_each_band_and_two_for_each_sensor():
         *["measured", "reproduced", "residual"] * 2,
     ]
     text = " ".join(note.text for note in figure.layout.annotations)
-    for words in ("Elevation", "ruled by the long waves", "D1, 3 to 25 m", "D2, 25 to 70 m"):
+    for words in ("Elevation", "long wavelengths dominate", "D1, 3 to 25 m", "D2, 25 to 70 m"):
         assert words in text
     assert "body, 6.9 m ahead of its centre" in text
     assert "leading bogie, 1 m behind its centre" in text
@@ -117,7 +117,7 @@ def test_residual_is_measured_minus_reproduced_where_the_sample_is_valid():
     expected = 0.1 * a_recording()["a"].to_numpy()
     assert residual.y[good] == pytest.approx(expected[good])
     assert np.isnan(residual.y[~good]).all()
-    assert panels[4].about == "RMS 0.071 m/s², of 0.71 m/s² measured"
+    assert panels[4].description == "RMS 0.071 m/s², of 0.71 m/s² measured"
 
 
 def test_samples_are_drawn_at_the_given_distance():
@@ -154,10 +154,10 @@ def test_a_band_longer_than_the_profile_is_not_drawn():
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(1, 5000), st.integers(10, 500), st.integers(0, 99))
-def test_decimation_keeps_the_extremes_and_the_ends(size, most, seed):
+def test_decimation_keeps_the_extremes_and_the_ends(size, max_points, seed):
     values = np.random.default_rng(seed).standard_normal(size)
-    kept = extremes(values, most)
-    assert kept.size <= min(size, most + 2)
+    kept = extremes(values, max_points)
+    assert kept.size <= min(size, max_points + 2)
     assert (np.diff(kept) > 0).all()
     assert {0, size - 1, values.argmin(), values.argmax()} <= set(kept.tolist())
 
@@ -173,9 +173,9 @@ def test_a_long_profile_is_decimated_and_the_note_says_so():
     level = np.sin(distance)
     level[12_345] = 5.0
     figure = interactive_profile_figure(a_profile(distance, level))
-    assert all(len(trace.x) <= MOST_POINTS + 2 for trace in figure.data)
+    assert all(len(trace.x) <= MAX_POINTS + 2 for trace in figure.data)
     assert max(figure.data[0].y) == pytest.approx(5e3)
-    assert "extremes of 2000 pieces" in figure.layout.title.subtitle.text
+    assert "extremes of 2000 segments" in figure.layout.title.subtitle.text
 
 
 def test_html_figure_needs_no_network(tmp_path):
@@ -200,7 +200,7 @@ def test_arrays_that_do_not_fit_the_recording_are_refused():
         interactive_profile_figure(STATED, recording, reproduced={"b": DISTANCE})
     with pytest.raises(DataError, match=r"Reproduced a: .* 2000, got shape \(3,\)"):
         interactive_profile_figure(STATED, recording, reproduced={"a": DISTANCE[:3]})
-    with pytest.raises(DataError, match=r"one per sample, 2000, got shape \(2,\)"):
+    with pytest.raises(DataError, match=r"one value per sample, 2000, got shape \(2,\)"):
         interactive_profile_figure(STATED, recording, DISTANCE[:2])
     with pytest.raises(DataError, match="no distance: give sample_distance"):
         static_profile_figure(STATED, recording.drop_vars("distance"))
@@ -255,7 +255,7 @@ def test_every_wheel_has_a_colour_that_no_other_line_has():
 def test_a_rigid_track_has_no_deflection_panel_and_lift_off_is_noted_with_the_forces():
     chart = simulation_chart(a_profile(), a_recording(), a_run(force=-1e3, deflection=0.0), "")
     assert chart.panels[-1].name == "Contact force"
-    assert chart.panels[-1].about == "-1 to -1 kN: below 0 the wheel would lift off"
+    assert chart.panels[-1].description == "-1 to -1 kN: below 0 the wheel would lift off"
 
 
 def test_static_simulation_figure_has_the_same_panels_as_the_interactive_one():

@@ -1,4 +1,4 @@
-"""What `infer` leaves behind: on its page a signal stands beside what the profile makes of it."""
+"""Result files of `infer`: the HTML figure shows each signal with the one that the profile reproduces."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def recorded() -> xr.Dataset:
     )[0]
 
 
-def as_it_is(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
+def unchanged(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
     return up, pitch
 
 
@@ -41,8 +41,8 @@ def upside_down(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
     return replace(up, values=-np.asarray(up.values) - 9.81), pitch
 
 
-def round_the_other_way(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
-    # What reads gravity has the right sign: it is the vehicle that runs the other way round.
+def reversed_vehicle(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
+    # The acceleration shows gravity with the right sign, so it is the vehicle that is reversed.
     upright = replace(up, values=np.asarray(up.values) + 9.81)
     return upright, replace(pitch, values=-np.asarray(pitch.values))
 
@@ -51,16 +51,16 @@ def exchanged(up: Channel, pitch: Channel) -> tuple[Channel, Channel]:
     return replace(up, values=pitch.values), replace(pitch, values=up.values)
 
 
-@pytest.mark.parametrize("mounted", [as_it_is, upside_down, round_the_other_way, exchanged])
-def test_the_page_shows_signals_as_they_were_taken(recorded, mounted, tmp_path: Path) -> None:
+@pytest.mark.parametrize("mounted", [unchanged, upside_down, reversed_vehicle, exchanged])
+def test_the_figure_shows_signals_as_they_were_used(recorded, mounted, tmp_path: Path) -> None:
     time, speed = (recorded[name].to_numpy() for name in ("time", "speed"))
     parts = mounted(*channels(recorded))
     recording = build_recording(parts, time=time, speed=speed)
     found = estimate(
         recording, VELARO, InferenceSettings(prior=read_spectrum("german-low"), samples=8)
     )
-    page = write_estimate(found, recording, tmp_path / "p.nc")[1].read_text(encoding="utf-8")
-    said = re.findall(r"RMS ([\d.]+) \S+, of ([\d.]+) \S+ measured", page)
-    assert len(said) == 2
-    for residual, measured in said:
+    text = write_estimate(found, recording, tmp_path / "p.nc")[1].read_text(encoding="utf-8")
+    residuals = re.findall(r"RMS ([\d.]+) \S+, of ([\d.]+) \S+ measured", text)
+    assert len(residuals) == 2
+    for residual, measured in residuals:
         assert float(residual) < 0.3 * float(measured)

@@ -1,4 +1,4 @@
-"""What `infer` and `simulate` leave behind: data, a page and a picture beside them, and a summary."""
+"""Result files of `infer` and `simulate`: data, HTML and PNG figures of the same name, and a summary for JSON."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ FIGURE_SUFFIXES = (".html", ".png")
 NO_FIGURES = "No figures were drawn: they need pip install 'trackprofile[plot]'"
 
 
-class Inferred(Protocol):
-    """What any method of infer gives; see `trackprofile.inference.infer.Estimate`."""
+class InferenceResult(Protocol):
+    """Result of any method of `infer`; see `trackprofile.inference.infer.Estimate`."""
 
     @property
     def profile(self) -> xr.Dataset: ...
@@ -57,11 +57,11 @@ class Inferred(Protocol):
 
 
 def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
-    """The files that `write_estimate` would write: the profile, its page, its picture.
+    """The files that `write_estimate` would write: the profile, its HTML figure, its PNG figure.
 
     Raises
     ------
-    FileError : they could not be written there, or would replace what is not a profile.
+    FileError : a file cannot be written, or it would replace a file that is not a profile.
 
     Examples
     --------
@@ -73,12 +73,12 @@ def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
     format_to_write("profile", profile)
     check_writable(*files)
     if profile.exists() and not _is_profile(profile):
-        raise FileError(f"{profile}: it is there already and is no profile; choose another name.")
+        raise FileError(f"{profile}: the file exists and is not a profile; choose another name.")
     return files
 
 
 def write_estimate(
-    estimate: Inferred, recording: xr.Dataset, profile: str | Path
+    estimate: InferenceResult, recording: xr.Dataset, profile: str | Path
 ) -> tuple[Path, ...]:
     """Write a profile and its HTML and PNG figures: all files, or none.
 
@@ -86,26 +86,34 @@ def write_estimate(
 
     Parameters
     ----------
-    estimate : what a method of `trackprofile.inference` found
-    recording : what it found it from
-    profile : ends in a suffix that a profile may have
+    estimate : result of `infer`
+    recording : recording from which it was inferred
+    profile : path with a suffix of a profile format
+
+    Returns
+    -------
+    paths of the files that were written
 
     Raises
     ------
-    FileError : as of `estimate_files`.
+    FileError : see `estimate_files`.
     """
     files = estimate_files(profile)
-    made = estimate.profile.assign_attrs(
+    profile_with_identity = estimate.profile.assign_attrs(
         {
             RECORDING: recording_identity(recording),
             RECORDING_FINGERPRINT: legacy_fingerprint(recording),
         }
     )
-    shown = _as_taken(recording, estimate.used_signals)
-    drawn = (made, shown, estimate.sample_distance, estimate.reproduced)
-    figures = _drawn(profile_chart(*drawn), *files[1:])
+    chart = profile_chart(
+        profile_with_identity,
+        _with_used_signals(recording, estimate.used_signals),
+        estimate.sample_distance,
+        estimate.reproduced,
+    )
+    figures = _figure_writers(chart, *files[1:])
     with whole_files(files[0], *figures) as (profile_part, *figure_parts):
-        write(made, profile_part)
+        write(profile_with_identity, profile_part)
         for part, write_figure in zip(figure_parts, figures.values(), strict=True):
             write_figure(part)
     return (files[0], *figures)
@@ -119,12 +127,12 @@ def figure_notes(files: Sequence[str | Path]) -> tuple[str, ...]:
     >>> figure_notes(["run.nc", "run.html", "run.png"])
     ()
     """
-    drawn = any(Path(file).suffix in FIGURE_SUFFIXES for file in files)
-    return () if drawn else (NO_FIGURES,)
+    has_figures = any(Path(file).suffix in FIGURE_SUFFIXES for file in files)
+    return () if has_figures else (NO_FIGURES,)
 
 
-def _drawn(chart: Chart, html: Path, png: Path) -> dict[Path, Callable[[Path], None]]:
-    """The writer of each figure, by path; a figure whose library is not installed is left out."""
+def _figure_writers(chart: Chart, html: Path, png: Path) -> dict[Path, Callable[[Path], None]]:
+    """Writers of the figures by path, without those whose library is not installed."""
     writers: dict[Path, Callable[[Path], None]] = {}
     with suppress(MissingExtraError):
         writers[html] = partial(write_html, interactive_figure(chart))
@@ -133,10 +141,12 @@ def _drawn(chart: Chart, html: Path, png: Path) -> dict[Path, Callable[[Path], N
     return writers
 
 
-def _as_taken(recording: xr.Dataset, taken: Mapping[str, NDArray[np.float64]]) -> xr.Dataset:
-    """The recording with channels that were put right as they were taken; others keep what was left out of them."""
+def _with_used_signals(
+    recording: xr.Dataset, signals: Mapping[str, NDArray[np.float64]]
+) -> xr.Dataset:
+    """The recording with corrected channels as `infer` used them; other channels keep all of their samples."""
     shown = recording.copy()
-    for name, values in taken.items():
+    for name, values in signals.items():
         used = np.isfinite(values)
         if not np.array_equal(values[used], recording[name].to_numpy()[used]):
             shown[name] = recording[name].copy(data=values)
@@ -145,11 +155,11 @@ def _as_taken(recording: xr.Dataset, taken: Mapping[str, NDArray[np.float64]]) -
 
 
 def simulation_files(recording: str | Path, truth: str | Path) -> tuple[Path, Path, Path, Path]:
-    """The files that `write_simulation` would write: recording, truth, and a page and picture beside the recording.
+    """The files that `write_simulation` would write: recording, truth, and the HTML and PNG figures of the recording.
 
     Raises
     ------
-    FileError : they could not be written there, or would replace each other, or what was not simulated.
+    FileError : a file cannot be written, two of them have one name, or one would replace a file that was not simulated.
 
     Examples
     --------
@@ -161,71 +171,71 @@ def simulation_files(recording: str | Path, truth: str | Path) -> tuple[Path, Pa
     format_to_write("profile", truth)
     files = (recording, truth, recording.with_suffix(".html"), recording.with_suffix(".png"))
     check_writable(*files)
-    # A recording as a TOML has a table beside it.
+    # A recording in TOML has its samples in a table of the same name.
     table = recording.with_suffix(".csv") if recording.suffix.lower() == ".toml" else recording
     if truth.absolute() in {recording.absolute(), table.absolute()}:
-        raise FileError(f"{truth}: the recording takes that name; give the truth another.")
+        raise FileError(
+            f"{truth}: the recording has the same file name; choose another for the truth."
+        )
     for file in {recording, table}:
         if file.exists() and not _is_simulated(recording):
-            raise FileError(
-                f"{file}: it is there already and was not simulated; choose another name."
-            )
+            raise FileError(f"{file}: the file exists and was not simulated; choose another name.")
     if truth.exists() and not _is_profile(truth):
-        raise FileError(f"{truth}: it is there already and is no profile; choose another name.")
+        raise FileError(f"{truth}: the file exists and is not a profile; choose another name.")
     return files
 
 
 def write_simulation(
-    made: SimulatedRun, recording: str | Path, truth: str | Path, title: str
+    run: SimulatedRun, recording: str | Path, truth: str | Path, title: str
 ) -> tuple[Path, ...]:
     """Write a simulation's recording, truth and figures: all files, or none.
 
-    Without the extra ``plot`` the figures are left out: see `figure_notes`.
+    Without the extra ``plot`` the figures are omitted: see `figure_notes`.
 
     Raises
     ------
-    FileError : as of `simulation_files`.
+    FileError : see `simulation_files`.
     """
     files = simulation_files(recording, truth)
-    chart = simulation_chart(made.truth, made.recording, made.simulation, title)
-    figures = _drawn(chart, *files[2:])
+    chart = simulation_chart(run.truth, run.recording, run.simulation, title)
+    figures = _figure_writers(chart, *files[2:])
     with whole_files(files[1], *figures) as (truth_part, *figure_parts):
-        write(made.truth, truth_part)
+        write(run.truth, truth_part)
         for part, write_figure in zip(figure_parts, figures.values(), strict=True):
             write_figure(part)
-        # Whole or not at all too, with the table that its TOML names.
-        write(made.recording, files[0])
+        # The writer of the recording writes its TOML and its table, or neither.
+        write(run.recording, files[0])
     return (*files[:2], *figures)
 
 
-def simulation_summary(made: SimulatedRun, changes: Mapping[str, float]) -> dict[str, Any]:
-    """A simulation in a few numbers, for JSON; ``changes`` are those at half the step, by sensor."""
-    simulation = made.simulation
+def simulation_summary(run: SimulatedRun, changes: Mapping[str, float]) -> dict[str, Any]:
+    """Main numbers of a simulation, for JSON; ``changes`` by sensor: relative change with half the time step."""
+    simulation = run.simulation
     return {
         "from_m": float(simulation.position[0]),
         "to_m": float(simulation.position[-1]),
-        "samples": made.recording.sizes["sample"],
-        "least_contact_force_n": float(simulation.contact_force.min()),
-        "greatest_contact_force_n": float(simulation.contact_force.max()),
-        "change_at_half_the_step": dict(changes),
+        "samples": run.recording.sizes["sample"],
+        "minimum_contact_force_n": float(simulation.contact_force.min()),
+        "maximum_contact_force_n": float(simulation.contact_force.max()),
+        "change_at_half_step": dict(changes),
         "notes": list(simulation.notes),
     }
 
 
-def summary(estimate: Inferred) -> dict[str, Any]:
-    """The extent, the uncertainty and the quality of a profile in a few numbers, for JSON."""
+def summary(estimate: InferenceResult) -> dict[str, Any]:
+    """Extent, uncertainty and quality of a profile, for JSON."""
     profile = estimate.profile
     distance, quality = profile["distance"].to_numpy(), profile["quality"].to_numpy()
-    apart = {
-        rail.value: _deviations(select_rail(profile, rail)) for rail in available_rails(profile)
+    deviations = {
+        rail.value: _rms_deviations(select_rail(profile, rail)) for rail in available_rails(profile)
     }
-    mean = apart.pop(Rail.MEAN.value)
+    mean = deviations.pop(Rail.MEAN.value)
     return {
         "from_m": float(distance[0]),
         "to_m": float(distance[-1]),
         "points": distance.size,
         "standard_deviation_mm": mean,
-        **({"standard_deviation_per_rail_mm": apart} if apart else {}),
+        **({"standard_deviation_per_rail_mm": deviations} if deviations else {}),
         "flagged_share": {
             flag.name.lower(): float(np.mean(quality & flag != 0)) for flag in Quality if flag.name
         },
@@ -234,8 +244,8 @@ def summary(estimate: Inferred) -> dict[str, Any]:
     }
 
 
-def _deviations(profile: xr.Dataset) -> dict[str, float]:
-    """By band, the root mean square of what is stated, mm."""
+def _rms_deviations(profile: xr.Dataset) -> dict[str, float]:
+    """Root mean square of the stated standard deviation by band [mm]."""
     prefix = "standard_deviation_"
     return {
         name.removeprefix(prefix): 1e3 * float(np.sqrt(np.nanmean(profile[name] ** 2)))

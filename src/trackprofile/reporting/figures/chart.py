@@ -1,4 +1,4 @@
-"""What is drawn of a profile, as data, before any plotting library sees it."""
+"""The contents of a figure as data, independent of the plotting library."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from trackprofile.reporting import palette
 
 Array = NDArray[np.float64]
 
-MOST_POINTS = 4000
-"""A trace with more is drawn by its extremes: about so many points are left of it."""
+MAX_POINTS = 4000
+"""Maximum number of points of a line, about; a longer one is reduced to its extremes."""
 
 _TWO_SIDED_95 = 1.96
 _MILLI = 1e3
-_SHOWN_IN = {
+_UNITS = {
     "vertical acceleration": ("m/s²", 1.0),
     "pitch rate": ("mrad/s", _MILLI),
     "roll rate": ("mrad/s", _MILLI),
@@ -53,7 +53,7 @@ INTERVAL_OPACITY, GAP_OPACITY = 0.4, 0.35
 
 @dataclass(frozen=True)
 class ChartLine:
-    """A trace: NaN breaks it. x in m, y in the panel's unit; ``order`` picks a colour for a name that has none."""
+    """A line: NaN interrupts it. x in m, y in the panel's unit; ``order`` chooses a colour for a name without one."""
 
     name: str
     x: Array
@@ -63,25 +63,25 @@ class ChartLine:
 
     @property
     def colour(self) -> str:
-        """As both drawings show it."""
+        """Colour in both plotting libraries."""
         return COLOURS.get(self.name, palette.LINES[self.order % len(palette.LINES)])
 
     @property
     def width(self) -> float:
-        """As both drawings show it."""
+        """Width in both plotting libraries [px]."""
         return WIDTHS.get(self.name, OTHER_WIDTH)
 
 
 @dataclass(frozen=True)
 class Interval:
-    """An area between two traces. x in m, low and high in the panel's unit."""
+    """An area between two lines. x in m, low and high in the panel's unit."""
 
     x: Array
     low: Array
     high: Array
 
     def outline(self) -> tuple[Array, Array]:
-        """Closed polygons, one for each stretch between gaps, with NaN between them."""
+        """Closed polygons, one for each stretch without gaps, separated by NaN."""
         xs, ys = [np.empty(0)], [np.empty(0)]
         for run in runs(np.isfinite(self.low)):
             xs += [self.x[run], self.x[run][::-1], [np.nan]]
@@ -91,10 +91,10 @@ class Interval:
 
 @dataclass(frozen=True)
 class ChartPanel:
-    """One strip of the chart: what is drawn, in which unit, how high relative to the others."""
+    """One strip of the chart: name, description, unit, contents, and height relative to the others."""
 
     name: str
-    about: str
+    description: str
     unit: str
     lines: tuple[ChartLine, ...]
     interval: Interval | None = None
@@ -103,7 +103,7 @@ class ChartPanel:
 
 @dataclass(frozen=True)
 class Chart:
-    """Panels over one distance axis; its ends, and the gaps' ends, in m."""
+    """Panels over one distance axis; the ends of the axis and of the gaps in m."""
 
     title: str
     note: str
@@ -118,16 +118,16 @@ def profile_chart(
     sample_distance: ArrayLike | None,
     reproduced: Mapping[str, ArrayLike],
 ) -> Chart:
-    """Put a profile and its recording into panels; parameters as of `plot.interactive_profile_figure`."""
+    """Panels of a profile and its recording; parameters and errors as `figures.interactive_profile_figure`."""
     track = _track(profile)
     panels = [_elevation_panel(track)]
     panels += [panel for band in (D1, D2) if (panel := _band_panel(track, band))]
     if recording is not None:
-        where = _sample_distance(recording, sample_distance)
-        known = channels(recording)
-        _check_reproduced(reproduced, known, where.size)
-        for channel in known:
-            panels += channel_panels(channel, where, reproduced.get(channel.name))
+        distance = _sample_distance(recording, sample_distance)
+        recorded = channels(recording)
+        _check_reproduced(reproduced, recorded, distance.size)
+        for channel in recorded:
+            panels += channel_panels(channel, distance, reproduced.get(channel.name))
     line = "" if recording is None else str(recording.attrs.get("line", ""))
     first, last = float(track.distance[0]), float(track.distance[-1])
     title = f"Track profile{', ' + line if line else ''}, {first:.0f} to {last:.0f} m"
@@ -135,22 +135,22 @@ def profile_chart(
     return Chart(title, _note(profile, panels, bool(gaps)), (first, last), tuple(panels), gaps)
 
 
-def extremes(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
-    """Indices that keep the shape of a long trace: per bucket the minimum, the maximum and the first missing value.
+def extremes(values: Array, max_points: int = MAX_POINTS) -> NDArray[np.intp]:
+    """Indices that keep the shape of a long line: per bucket the minimum, the maximum and the first missing value.
 
     Parameters
     ----------
     values : (n,), NaN where missing
-    most : maximum number of indices, not counting those of missing values; a shorter trace is kept whole
+    max_points : maximum number of indices, not counting those of missing values; a shorter line is kept whole
 
     Examples
     --------
-    >>> extremes(np.array([0.0, 5.0, 1.0, 2.0, -3.0, 0.0]), most=4)
+    >>> extremes(np.array([0.0, 5.0, 1.0, 2.0, -3.0, 0.0]), max_points=4)
     array([0, 1, 3, 4, 5])
     """
-    if values.size <= most:
+    if values.size <= max_points:
         return np.arange(values.size)
-    bounds = np.linspace(0, values.size, most // 2 + 1).astype(int)
+    bounds = np.linspace(0, values.size, max_points // 2 + 1).astype(int)
     starts, sizes = bounds[:-1], np.diff(bounds)
     inside = np.arange(sizes.max()) < sizes[:, None]
     buckets = np.full(inside.shape, np.nan)
@@ -168,11 +168,11 @@ def extremes(values: Array, most: int = MOST_POINTS) -> NDArray[np.intp]:
 
 
 def _note(profile: xr.Dataset, panels: Sequence[ChartPanel], gaps: bool) -> str:
-    """What the profile is and how it is drawn, in one line."""
+    """Properties of the profile and of the drawing, in one line."""
     attributes = (profile.attrs.get(name, "") for name in ("method", "loading", "vehicle"))
     parts = [str(each) for each in attributes if each]
     if any(line.decimated for panel in panels for line in panel.lines):
-        parts.append(f"long traces are drawn by the extremes of {MOST_POINTS // 2} pieces")
+        parts.append(f"long lines are drawn by the extremes of {MAX_POINTS // 2} segments")
     if gaps:
         parts.append("shaded: no data")
     return " · ".join(parts)
@@ -180,7 +180,7 @@ def _note(profile: xr.Dataset, panels: Sequence[ChartPanel], gaps: bool) -> str:
 
 @dataclass(frozen=True)
 class _Track:
-    """A profile on a uniform grid [m]; NaN in gaps, be they flagged or rows that are missing."""
+    """A profile on a uniform grid [m]; NaN in gaps, whether flagged or missing rows."""
 
     spacing: float
     distance: Array
@@ -210,27 +210,27 @@ def _track(profile: xr.Dataset) -> _Track:
 
 def _elevation_panel(track: _Track) -> ChartPanel:
     interval = _interval(track, track.elevation, "standard_deviation")
-    about = "the 95 % interval is ruled by the long waves" if interval else ""
+    description = "long wavelengths dominate the 95 % interval" if interval else ""
     lines = (_elevation_line(track, track.elevation),)
-    return ChartPanel("Elevation", about, "mm", lines, interval, height=1.2)
+    return ChartPanel("Elevation", description, "mm", lines, interval, height=1.2)
 
 
 def _band_panel(track: _Track, band: Band) -> ChartPanel | None:
-    """The elevation in a band, None where no piece of the profile can carry it."""
+    """The level in a band; None if the profile is too short for the band."""
     filtered = band_pass_pieces(track.elevation, track.spacing, band)
     if np.isnan(filtered).all():
         return None
-    about = f"RMS {_MILLI * _rms(filtered):.2g} mm"
+    description = f"RMS {_MILLI * _rms(filtered):.2g} mm"
     key = f"standard_deviation_{band.name}"
     if key in track.deviations:
         stated = track.deviations[key][np.isfinite(filtered)]
-        about += f", stated standard deviation {_MILLI * _rms(stated):.2g} mm"
+        description += f", stated standard deviation {_MILLI * _rms(stated):.2g} mm"
     name = f"{band.name}, {band.shortest:g} to {band.longest:g} m"
     lines = [_elevation_line(track, filtered)]
     for order, (side, elevation) in enumerate(track.sides.items(), start=1):
-        apart = band_pass_pieces(elevation, track.spacing, band)
-        lines.append(line_of(side, track.distance, _MILLI * apart, order))
-    return ChartPanel(name, about, "mm", tuple(lines), _interval(track, filtered, key))
+        one_rail = band_pass_pieces(elevation, track.spacing, band)
+        lines.append(line_of(side, track.distance, _MILLI * one_rail, order))
+    return ChartPanel(name, description, "mm", tuple(lines), _interval(track, filtered, key))
 
 
 def _elevation_line(track: _Track, elevation: Array) -> ChartLine:
@@ -238,7 +238,7 @@ def _elevation_line(track: _Track, elevation: Array) -> ChartLine:
 
 
 def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
-    """The 95 % interval in mm, where the profile states one."""
+    """The 95 % interval [mm]; None if the profile states none."""
     if deviation not in track.deviations:
         return None
     half = _TWO_SIDED_95 * track.deviations[deviation]
@@ -248,50 +248,54 @@ def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
 
 
 def channel_panels(
-    channel: Channel, where: Array, model: ArrayLike | None, called: str = MEASURED
+    channel: Channel, distance: Array, model: ArrayLike | None, label: str = MEASURED
 ) -> list[ChartPanel]:
-    """A sensor's signal under the name ``called`` and, where a model reproduces it, what that leaves."""
-    unit, factor = _SHOWN_IN[channel.quantity]
+    """Panel of a sensor's signal, named ``label``, and of its residual if a model reproduces the signal."""
+    unit, factor = _UNITS[channel.quantity]
     valid = True if channel.valid is None else channel.valid
     measured = factor * np.where(valid, channel.values, np.nan)
     name = channel.quantity.capitalize()
-    about = f"{channel.body}, {_place(channel.position, channel.lateral)}"
-    lines = [line_of(called, where, measured)]
+    description = f"{channel.body}, {_position(channel.position, channel.lateral)}"
+    lines = [line_of(label, distance, measured)]
     if model is None:
-        return [ChartPanel(name, about, unit, tuple(lines))]
+        return [ChartPanel(name, description, unit, tuple(lines))]
     signal = factor * np.asarray(model, dtype=float)
-    lines.append(line_of(REPRODUCED, where, signal))
-    left = measured - signal
-    size = f"RMS {_rms(left):.2g} {unit}, of {_rms(measured):.2g} {unit} measured"
-    residual = ChartPanel("Residual", size, unit, (line_of(RESIDUAL, where, left),), height=0.6)
-    return [ChartPanel(name, about, unit, tuple(lines)), residual]
+    lines.append(line_of(REPRODUCED, distance, signal))
+    residual = measured - signal
+    size = f"RMS {_rms(residual):.2g} {unit}, of {_rms(measured):.2g} {unit} measured"
+    line = line_of(RESIDUAL, distance, residual)
+    panel = ChartPanel("Residual", size, unit, (line,), height=0.6)
+    return [ChartPanel(name, description, unit, tuple(lines)), panel]
 
 
-def _place(position: float, lateral: float) -> str:
-    """Such as ``1 m to the left, 2 m ahead of its centre``."""
-    aside = f"{abs(lateral):g} m to the {'left' if lateral > 0 else 'right'}"
+def _position(position: float, lateral: float) -> str:
+    """Position of a sensor, such as ``1 m to the left, 2 m ahead of its centre``."""
+    sideways = f"{abs(lateral):g} m to the {'left' if lateral > 0 else 'right'}"
     if position == 0:
-        return aside if lateral else "at its centre"
+        return sideways if lateral else "at its centre"
     along = f"{abs(position):g} m {'ahead of' if position > 0 else 'behind'} its centre"
-    return f"{aside}, {along}" if lateral else along
+    return f"{sideways}, {along}" if lateral else along
 
 
-def _sample_distance(recording: xr.Dataset, given: ArrayLike | None) -> Array:
-    if given is None and "distance" not in recording:
-        raise DataError("The recording has no distance: give sample_distance, one per sample.")
-    where = np.asarray(recording["distance"] if given is None else given, dtype=float)
-    if where.shape != (recording.sizes["sample"],):
+def _sample_distance(recording: xr.Dataset, sample_distance: ArrayLike | None) -> Array:
+    if sample_distance is None and "distance" not in recording:
         raise DataError(
-            f"sample_distance: expected one per sample, {recording.sizes['sample']}, "
-            f"got shape {where.shape}."
+            "The recording has no distance: give sample_distance, one value per sample."
         )
-    return where
+    values = recording["distance"] if sample_distance is None else sample_distance
+    distance = np.asarray(values, dtype=float)
+    if distance.shape != (recording.sizes["sample"],):
+        raise DataError(
+            f"sample_distance: expected one value per sample, {recording.sizes['sample']}, "
+            f"got shape {distance.shape}."
+        )
+    return distance
 
 
 def _check_reproduced(
-    reproduced: Mapping[str, ArrayLike], known: tuple[Channel, ...], count: int
+    reproduced: Mapping[str, ArrayLike], recorded: tuple[Channel, ...], count: int
 ) -> None:
-    names = [channel.name for channel in known]
+    names = [channel.name for channel in recorded]
     for name, signal in reproduced.items():
         if name not in names:
             raise DataError(f"Reproduced {name}: the recording has only {', '.join(names)}.")
@@ -303,13 +307,13 @@ def _check_reproduced(
 
 
 def line_of(name: str, x: Array, y: Array, order: int = 0) -> ChartLine:
-    """A trace, thinned to its extremes where it is long."""
+    """A line, reduced to its extremes if it is long."""
     kept = extremes(y)
     return ChartLine(name, x[kept], y[kept], kept.size < y.size, order)
 
 
 def _gaps(track: _Track) -> tuple[tuple[float, float], ...]:
-    """From the last known point before each gap to the first after it [m]."""
+    """Gaps, each from the last known point before it to the first after it [m]."""
     last = track.distance.size - 1
     return tuple(
         (float(track.distance[max(gap.start - 1, 0)]), float(track.distance[min(gap.stop, last)]))

@@ -1,4 +1,4 @@
-"""The chart as a still picture, by matplotlib: no pyplot, no global state."""
+"""Static figures by matplotlib, without pyplot and without global state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from trackprofile.reporting.figures.chart import (
     ChartPanel,
 )
 
-_PANEL, _HEAD = 1.6, 1.3  # inches
+_PANEL_HEIGHT, _HEAD_HEIGHT = 1.6, 1.3  # inches
 DPI = 150
 """Dots per inch of a PNG."""
 
@@ -29,7 +29,7 @@ DPI = 150
 def draw(chart: Chart) -> Figure:
     """All panels one below the other, on one distance axis."""
     heights = [panel.height for panel in chart.panels]
-    height = _PANEL * sum(heights) + _HEAD
+    height = _PANEL_HEIGHT * sum(heights) + _HEAD_HEIGHT
     figure = Figure(figsize=(11, height), dpi=DPI, layout="constrained")
     strips = figure.subplots(
         len(heights), sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
@@ -40,7 +40,7 @@ def draw(chart: Chart) -> Figure:
         handles, names = axes.get_legend_handles_labels()
         legend |= dict(zip(names, handles, strict=True))
     strips[-1].set(xlim=chart.ends, xlabel="distance in m")
-    # The empty lines keep room for the legend, which no layout engine places below a title.
+    # The empty lines reserve space for the legend, which the layout engine does not place below a title.
     figure.suptitle(f"{chart.title}\n\n", x=0.008, ha="left", fontsize=13, weight="bold")
     figure.legend(
         legend.values(),
@@ -81,15 +81,15 @@ def write(figure: Figure, path: Path | str) -> None:
 def _draw_panel(axes: Axes, panel: ChartPanel, gaps: Sequence[tuple[float, float]]) -> None:
     if panel.interval:
         area = panel.interval
-        look = {"color": COLOURS[INTERVAL], "alpha": INTERVAL_OPACITY, "linewidth": 0}
-        axes.fill_between(area.x, area.low, area.high, label=INTERVAL, **look)
+        style = {"color": COLOURS[INTERVAL], "alpha": INTERVAL_OPACITY, "linewidth": 0}
+        axes.fill_between(area.x, area.low, area.high, label=INTERVAL, **style)
     for line in panel.lines:
-        look = {"color": line.colour, "linewidth": 0.8 * line.width}
-        axes.plot(line.x, line.y, label=line.name, **look)
+        style = {"color": line.colour, "linewidth": 0.8 * line.width}
+        axes.plot(line.x, line.y, label=line.name, **style)
     for start, stop in gaps:
         axes.axvspan(start, stop, color=COLOURS[GAP], alpha=GAP_OPACITY, linewidth=0, label=GAP)
     axes.set_title(panel.name, loc="left", fontsize=9.5, weight="bold")
-    axes.set_title(panel.about, loc="right", fontsize=9, color=palette.DARK_GREY)
+    axes.set_title(panel.description, loc="right", fontsize=9, color=palette.DARK_GREY)
     axes.set_ylabel(panel.unit, fontsize=9)
     axes.grid(color=palette.GRID, linewidth=0.6)
     axes.set_axisbelow(True)
