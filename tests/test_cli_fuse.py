@@ -107,7 +107,7 @@ def test_a_line_keeps_its_rate_in_every_format_and_is_no_pass(
     to = ("--store", tmp_path / "S", *STORED, "--day", LAST, "--speed", "140 km/h", "--run", "1")
     code, _, said = run("store", "add", line, *to)
     assert code == 1
-    assert "A store keeps the passes" in said
+    assert "a store keeps single passes" in said
     code, _, said = run("fuse", dated(folder)[0], f"{line}={LAST}", "-o", tmp_path / "again.nc")
     assert code == 1
     assert "give the passes themselves" in said

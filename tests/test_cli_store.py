@@ -55,7 +55,7 @@ def test_add_says_what_it_stored_and_the_second_time_that_it_was_there(
     said = json.loads(out)
     assert (code, said["new"], said["shown"]) == (0, False, True)
     assert said["entry"]["origin"]["recording"] == 64 * "0"
-    assert said["entry"]["place"] == {
+    assert said["entry"]["key"] == {
         "line": "Main / North",
         "direction": "up",
         "day": "2026-05-31",
@@ -276,7 +276,7 @@ def test_a_store_that_is_not_there_is_said(tmp_path: Path, run: Run) -> None:
     for command in (["list"], ["show", "0"], ["verify"], ["tidy"], ["export", "-o", "x.nc"]):
         code, out, said = run(*command, "--store", tmp_path / "none")
         assert (code, out) == (1, "")
-        assert f"{tmp_path / 'none'}: there is no store; check the place" in said
+        assert f"{tmp_path / 'none'}: there is no store at this location; check it" in said
     assert list(tmp_path.iterdir()) == []
 
 

@@ -42,7 +42,6 @@ MANY_POSITIONAL_PARAMETERS = {
     "calibration/calibrate.py:_fit",
     "cli/assess.py:_assessed",
     "cli/store.py:_found",
-    "store/reading.py:_rows",
 }
 MIRRORED_MODULES = {"assess", "calibrate", "fuse", "infer", "serve", "simulate", "store"}
 """Modules of `cli` with the name of their command; each calls the module of the same name."""

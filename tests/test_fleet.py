@@ -367,5 +367,5 @@ def test_store_of_a_newer_schema_is_left_alone(folder: Path) -> None:
     (folder / "store" / "store.json").write_text('{"schema": 99}\n', encoding="utf-8")
     done = run(manifest(folder, 'file = "one.nc"'), "--store", folder / "store", "--workers", 1)
     assert done.returncode == 1
-    assert "a store of schema 99" in done.stderr
+    assert "the store has schema 99" in done.stderr
     assert [path.name for path in (folder / "store").iterdir()] == ["store.json"]

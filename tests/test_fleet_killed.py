@@ -186,7 +186,7 @@ def test_a_night_is_whole(whole: Whole) -> None:
     assert (whole.said["stored"], whole.said["there"], whole.said["failed"]) == (COUNT, 0, 0)
     assert whole.said["workers"] == 2
     store = open_store(str(whole.store))
-    assert len({entry.place.run for entry in find(store, all_versions=True)}) == COUNT
+    assert len({entry.key.run for entry in find(store, all_versions=True)}) == COUNT
     assert not verify(store)
 
 

@@ -34,7 +34,7 @@ from trackprofile.assessment.limits import Action
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.server import history, line_catalogue
 from trackprofile.server import requests as server_requests
-from trackprofile.store import Store, create, find, lines, read_columns, table
+from trackprofile.store import Store, create, find, lines, read_columns, read_table
 from trackprofile.store.layout import PassKey
 
 DAYS = [FIRST + timedelta(days=30 * month) for month in range(4)]
@@ -88,7 +88,9 @@ def test_passes_agree_with_the_entries_of_the_store(
     for one, entry in zip(found, entries, strict=True):
         assert (one["day"], one["run"], one["limit_set"]) == (str(entry.day), entry.run, EN.name)
         assert one["line_speed_km_h"] == pytest.approx(140.0)
-        assert one["standard_deviation_mm"]["D2"] == pytest.approx(1e3 * entry.deviations["D2"])
+        assert one["standard_deviation_mm"]["D2"] == pytest.approx(
+            1e3 * entry.standard_deviations["D2"]
+        )
         assert sum(one["defect_counts"].values()) == sum(entry.defects.values())
     some = ask(client, "passes", line=MAIN, direction=UP, first=str(DAYS[1]), last=str(DAYS[2]))
     assert [one["day"] for one in some["passes"]] == [str(DAYS[1]), str(DAYS[2])]
@@ -151,7 +153,7 @@ def test_level_states_limits_and_stretches_not_assessed(
     assert [(one["action"], one["height_mm"]) for one in strip["limits"]] == [
         (action.words, pytest.approx(1e3 * heights[action])) for action in Action
     ]
-    rows = table(dated_store, [entry_of(dated_store, DAYS[-1])], "not_assessed")
+    rows = read_table(dated_store, [entry_of(dated_store, DAYS[-1])], "not_assessed")
     expected = [
         (start, end, why)
         for band, start, end, why in zip(
@@ -182,7 +184,7 @@ def test_limits_are_given_without_any_defect(tmp_path) -> None:
 
 
 def stored_defects(store: Store, day: date) -> list[dict]:
-    columns = table(store, find(store, line=MAIN, first=day, last=day), "defects")
+    columns = read_table(store, find(store, line=MAIN, first=day, last=day), "defects")
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
@@ -250,7 +252,7 @@ def test_schematic_counts_every_defect_once(client: httpx.Client, dated_store: S
 
 
 def stored_sections(store: Store, day: date, band: str) -> list[tuple[float, float]]:
-    columns = table(store, find(store, line=MAIN, first=day, last=day), "sections")
+    columns = read_table(store, find(store, line=MAIN, first=day, last=day), "sections")
     rows = zip(
         columns["band"], columns["length_m"], columns["start_m"], columns["standard_deviation_mm"], strict=True
     )  # fmt: skip
@@ -411,7 +413,7 @@ def test_quality_shows_gap_and_flags(client: httpx.Client, dated_store: Store) -
     assert lost == [121, 122, 123]  # of 20 m each, all of which lie between 2400 and 2480 m
     assert {one["name"] for one in gapped["flags"]} == {"gap", "edge", "slow"}
     assert {one["name"] for one in found["passes"][0]["flags"]} == {"edge"}
-    assert gapped["known_share"] == entry_of(dated_store, DAYS[2]).known < 1
+    assert gapped["known_share"] == entry_of(dated_store, DAYS[2]).known_share < 1
     names = ["distance_m", "standard_deviation_D1_m"]
     rows = read_columns(dated_store, entry_of(dated_store, DAYS[0]), names)
     for i in (0, 100, 299):

@@ -23,7 +23,7 @@ import pytest
 
 pytest.importorskip("fastapi")
 
-from many_passes import spread
+from many_passes import fill_with_copies
 from network import Network, fill
 from trackprofile.store import create, find
 
@@ -70,7 +70,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     store = create(str(folder))
     fill(store, network)
     days = [network.day(number) for number in range(PASSES)]
-    spread(store, find(store), [network.name(line) for line in range(LINES)], days)
+    fill_with_copies(store, find(store), [network.name(line) for line in range(LINES)], days)
     command = [sys.executable, "-m", "trackprofile", "serve", "--store", str(folder), "--port", "0"]
     with subprocess.Popen([*command, "--json"], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""A store keeps every pass as it was, once, and finds it again."""
+"""A store keeps each pass once, with the stated precision, and finds it again."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from network import SPEED, Network, fill
 from trackprofile import store as stores
 from trackprofile.assessment.assess import Assessment, assess
+from trackprofile.assessment.limits import Action
 from trackprofile.assessment.limits_toml import read_limits
 from trackprofile.bands import BANDS, band_pass_pieces
 from trackprofile.contracts import (
@@ -32,40 +33,42 @@ from trackprofile.contracts import (
     content_digest,
     with_rails,
 )
+from trackprofile.contracts.identity import digest
 from trackprofile.errors import DataError, FileError
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.store import Entry, Origin, PassKey, Store
 from trackprofile.store.columns import profile_columns
-from trackprofile.store.entry import document, entry_id, parsed
+from trackprofile.store.entry import entry_document, entry_id, parse_entry
 from trackprofile.store.layout import ENTRIES
 from trackprofile.store.object_files import RemoteFiles
 
 DAY = date(2026, 5, 1)
-PLACE = PassKey("Main / North", "up", DAY, "06:12")
+KEY = PassKey("Main / North", "up", DAY, "06:12")
 LIMITS = read_limits("en-13848")
 NETWORK = Network(1, 600.0, 2)
 
 
-def judged(profile: xr.Dataset) -> Assessment:
-    """By the limits, each profile once."""
-    key = content_digest(profile)
-    if key not in _JUDGED:
-        _JUDGED[key] = assess(profile, LIMITS, SPEED)
-    return _JUDGED[key]
+def assessed(profile: xr.Dataset) -> Assessment:
+    """Assessment of a profile, computed once."""
+    content = content_digest(profile)
+    if content not in _ASSESSMENTS:
+        _ASSESSMENTS[content] = assess(profile, LIMITS, SPEED)
+    return _ASSESSMENTS[content]
 
 
-_JUDGED: dict[str, Assessment] = {}
+_ASSESSMENTS: dict[str, Assessment] = {}
 
 
-def stored(
-    store: Store, profile: xr.Dataset, place: PassKey = PLACE, **origin: object
+def add(
+    store: Store, profile: xr.Dataset, key: PassKey = KEY, **origin: object
 ) -> stores.AddResult:
-    made = Origin(**({"recording": content_digest(profile)} | origin))  # type: ignore[arg-type]
-    return stores.add(store, place, profile, judged(profile), made)
+    """Add a profile, with some fields of its origin."""
+    fields = {"recording": content_digest(profile)} | origin
+    return stores.add(store, key, profile, assessed(profile), Origin(**fields))  # type: ignore[arg-type]
 
 
-def tree(folder: Path) -> dict[str, bytes]:
-    """All files of a store, by name."""
+def contents(folder: Path) -> dict[str, bytes]:
+    """Content of all files of a store, by path."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in sorted(folder.rglob("*"))
@@ -85,12 +88,12 @@ def other() -> xr.Dataset:
 
 @pytest.fixture(params=["folder", "memory"])
 def store(request: pytest.FixtureRequest, tmp_path: Path) -> Store:
-    where = {"folder": str(tmp_path / "store"), "memory": f"memory://{uuid.uuid4()}/store"}
-    return stores.create(where[request.param])
+    url = {"folder": str(tmp_path / "store"), "memory": f"memory://{uuid.uuid4()}/store"}
+    return stores.create(url[request.param])
 
 
-def test_a_profile_comes_back_as_exactly_as_is_stated(store: Store, profile: xr.Dataset) -> None:
-    back = stores.read_profile(store, stored(store, profile).entry)
+def test_a_profile_is_read_with_the_stated_precision(store: Store, profile: xr.Dataset) -> None:
+    back = stores.read_profile(store, add(store, profile).entry)
     assert back.attrs == profile.attrs
     assert list(back.variables) == list(profile.variables)
     for name in ("distance", "quality"):
@@ -100,69 +103,71 @@ def test_a_profile_comes_back_as_exactly_as_is_stated(store: Store, profile: xr.
         np.testing.assert_allclose(back[name], profile[name], rtol=2.0**-11)
 
 
-def test_both_rails_come_back_beside_their_mean(store: Store, profile: xr.Dataset) -> None:
+def test_both_rails_are_read_with_their_mean(store: Store, profile: xr.Dataset) -> None:
     side = 1e-3 * np.sin(profile["distance"] / 3)
-    spread = np.full(side.size, 1e-4)
+    deviation = np.full(side.size, 1e-4)
     known = profile["elevation"].fillna(0.0)
-    apart = with_rails(
+    separate = with_rails(
         profile.assign(quality=0 * profile["quality"], elevation=known.assign_attrs(units="m")),
         {
-            Rail.LEFT: RailLevel(known + side, spread, {"D1": spread / 2}),
-            Rail.RIGHT: RailLevel(known - side, spread),
+            Rail.LEFT: RailLevel(known + side, deviation, {"D1": deviation / 2}),
+            Rail.RIGHT: RailLevel(known - side, deviation),
         },
     )
-    entry = stored(store, apart).entry
+    entry = add(store, separate).entry
     back = stores.read_profile(store, entry)
-    assert list(back.variables) == list(apart.variables)
-    for name in apart.data_vars:
-        np.testing.assert_allclose(back[name], apart[name], rtol=2.0**-11, atol=2.0**-24)
-        assert back[name].dtype == apart[name].dtype
+    assert list(back.variables) == list(separate.variables)
+    for name in separate.data_vars:
+        np.testing.assert_allclose(back[name], separate[name], rtol=2.0**-11, atol=2.0**-24)
+        assert back[name].dtype == separate[name].dtype
     assert available_rails(back) == tuple(Rail)
-    drawn = stores.envelope(store, entry, "elevation_left", 0.0, 600.0, 40)
-    assert drawn.low.min() == back["elevation_left"].min()
-    assert drawn.deviation.max() == pytest.approx(1e-4, rel=2.0**-11)
+    envelope = stores.envelope(store, entry, "elevation_left", 0.0, 600.0, 40)
+    assert envelope.low.min() == back["elevation_left"].min()
+    assert envelope.deviation.max() == pytest.approx(1e-4, rel=2.0**-11)
 
 
-def test_an_attribute_that_no_file_can_hold_is_refused(store: Store, profile: xr.Dataset) -> None:
+def test_an_attribute_that_is_not_text_or_numbers_is_refused(
+    store: Store, profile: xr.Dataset
+) -> None:
     with pytest.raises(DataError, match="Attribute 'when': expected text or numbers"):
-        stored(store, profile.assign_attrs(when=DAY))
-    numbers = profile.assign_attrs(count=np.int64(3), places=np.array([1.5, 2.5]), sure=True)
-    back = stores.read_profile(store, stored(store, numbers).entry)
-    assert (back.attrs["count"], back.attrs["places"], back.attrs["sure"]) == (3, [1.5, 2.5], True)
+        add(store, profile.assign_attrs(when=DAY))
+    numbers = profile.assign_attrs(count=np.int64(3), values=np.array([1.5, 2.5]), flag=True)
+    back = stores.read_profile(store, add(store, numbers).entry)
+    assert (back.attrs["count"], back.attrs["values"], back.attrs["flag"]) == (3, [1.5, 2.5], True)
 
 
-def test_what_no_column_can_hold_is_refused(store: Store, profile: xr.Dataset) -> None:
-    strange = profile.assign(speed=profile["elevation"].assign_attrs(units="m/s"))
+def test_a_variable_that_is_not_in_metres_is_refused(store: Store, profile: xr.Dataset) -> None:
+    with_speed = profile.assign(speed=profile["elevation"].assign_attrs(units="m/s"))
     with pytest.raises(
-        DataError, match="speed: a store keeps what is in metres along a profile, and flags"
+        DataError, match="speed: a store keeps variables in metres along the profile, and flags"
     ):
-        stored(store, strange)
+        add(store, with_speed)
 
 
 @given(seed=st.integers(0, 2**32 - 1), scale=st.floats(1e-9, 1e5), begin=st.floats(-1e6, 1e6))
 @settings(max_examples=15, deadline=None)
-def test_whatever_the_numbers_what_was_read_is_kept_to_the_bit(
+def test_values_that_were_read_from_a_store_are_stored_exactly(
     seed: int, scale: float, begin: float
 ) -> None:
     generator = np.random.default_rng(seed)
     flags = np.where(generator.random(150) < 0.02, Quality.GAP, 0)
     level = np.where(flags, np.nan, scale * generator.standard_normal(150))
-    spread = scale * generator.random(150) * (generator.random(150) < 0.9)
+    deviation = scale * generator.random(150) * (generator.random(150) < 0.9)
     first = build_profile(
         begin + 0.25 * np.arange(150),
         level,
         kind="posterior",
-        standard_deviation=spread,
+        standard_deviation=deviation,
         quality=flags,
     )
-    once = _kept(first)
-    twice = _kept(once)
+    once = through_columns(first)
+    twice = through_columns(once)
     xr.testing.assert_identical(once, twice)
     np.testing.assert_allclose(once["elevation"], level, rtol=2.0**-50, atol=2.0**-24)
-    np.testing.assert_allclose(once["standard_deviation"], spread, rtol=2.0**-11, atol=1e-38)
+    np.testing.assert_allclose(once["standard_deviation"], deviation, rtol=2.0**-11, atol=1e-38)
 
 
-def _kept(profile: xr.Dataset) -> xr.Dataset:
+def through_columns(profile: xr.Dataset) -> xr.Dataset:
     columns = profile_columns(profile, {})
     return build_profile(
         columns["distance_m"],
@@ -173,8 +178,10 @@ def _kept(profile: xr.Dataset) -> xr.Dataset:
     )
 
 
-def test_the_level_in_each_band_is_the_filters(store: Store, profile: xr.Dataset) -> None:
-    entry = stored(store, profile).entry
+def test_the_stored_level_in_each_band_is_the_filtered_elevation(
+    store: Store, profile: xr.Dataset
+) -> None:
+    entry = add(store, profile).entry
     kept = stores.read_columns(store, entry, ["level_D1_m", "level_D2_m"])
     for band in BANDS[:2]:
         filtered = band_pass_pieces(profile["elevation"].to_numpy(), 0.25, band)
@@ -183,11 +190,11 @@ def test_the_level_in_each_band_is_the_filters(store: Store, profile: xr.Dataset
         )
 
 
-def test_rows_at_uneven_distances_keep_theirs(store: Store) -> None:
+def test_uneven_distances_are_kept(store: Store) -> None:
     distance = 0.25 * np.arange(2400) + np.random.default_rng(3).uniform(0.0, 0.1, 2400)
     wave = 1e-3 * np.sin(2 * np.pi * distance / 10)
     uneven = build_profile(distance, wave, kind="point")
-    entry = stored(store, uneven).entry
+    entry = add(store, uneven).entry
     kept = stores.read_columns(store, entry, ["distance_m", "level_D1_m"])
     np.testing.assert_array_equal(kept["distance_m"], distance)
     inner = slice(200, -200)
@@ -196,7 +203,7 @@ def test_rows_at_uneven_distances_keep_theirs(store: Store) -> None:
 
 @given(ends=st.tuples(st.floats(-50, 650), st.floats(-50, 650)).map(sorted))
 @settings(max_examples=30, deadline=None)
-def test_a_stretch_is_what_the_whole_has_there(small: Store, ends: list[float]) -> None:
+def test_a_stretch_equals_that_part_of_the_whole_profile(small: Store, ends: list[float]) -> None:
     entry, start, end = stores.find(small)[0], *ends
     whole = stores.read_profile(small, entry)
     inside = (whole["distance"] >= start) & (whole["distance"] <= end)
@@ -209,109 +216,113 @@ def test_a_stretch_is_what_the_whole_has_there(small: Store, ends: list[float]) 
         np.testing.assert_array_equal(piece[name], whole[name][inside.to_numpy()])
 
 
-def test_one_kilometre_is_read_without_the_rest(tmp_path: Path) -> None:
+def test_a_kilometre_is_read_without_the_rest_of_the_file(tmp_path: Path) -> None:
     store = stores.create(str(tmp_path))
-    entry = stored(store, Network(1, 8000.0, 1).passed(0, 0)).entry
+    entry = add(store, Network(1, 8000.0, 1).passed(0, 0)).entry
     path = entry.path("profiles")
     content = bytearray(store.files.read(path))
     content[1000:150_000] = bytes(149_000)  # the first kilometres
     store.files.put(path, bytes(content))
     piece = stores.read_profile(store, entry, 7000.0, 8000.0)
     assert piece.sizes["distance"] == 4001
-    with pytest.raises(FileError, match="is damaged; see what"):
+    with pytest.raises(FileError, match="is damaged; run trackprofile store verify"):
         stores.read_profile(store, entry, 1000.0, 2000.0)
 
 
-def test_the_same_again_is_the_same_entry(store: Store, profile: xr.Dataset) -> None:
-    first = stored(store, profile, source="run.nc")
-    again = stored(store, profile, source="a copy of run.nc")
-    assert (first.new, again.new) == (True, False)
-    assert again.entry == first.entry
+def test_adding_a_pass_twice_gives_one_entry(store: Store, profile: xr.Dataset) -> None:
+    first = add(store, profile, source="run.nc")
+    second = add(store, profile, source="a copy of run.nc")
+    assert (first.new, second.new) == (True, False)
+    assert second.entry == first.entry
     assert stores.find(store) == (first.entry,)
 
 
-def test_nothing_in_the_bytes_tells_when_or_where_they_were_written(tmp_path: Path) -> None:
-    once, again = (tmp_path / name for name in ("once", "again"))
-    for folder, numbers in ((once, (0, 1)), (again, (1, 0))):
+def test_the_files_do_not_depend_on_time_order_or_folder(tmp_path: Path) -> None:
+    first, second = (tmp_path / name for name in ("first", "second"))
+    for folder, numbers in ((first, (0, 1)), (second, (1, 0))):
         store = stores.create(str(folder))
         for number in numbers:
-            stored(store, NETWORK.passed(0, number), replace(PLACE, day=NETWORK.day(number)))
+            add(store, NETWORK.passed(0, number), replace(KEY, day=NETWORK.day(number)))
         stores.build_index(store)
-    assert tree(once) == tree(again)
+    assert contents(first) == contents(second)
 
 
-def test_another_vehicle_is_a_version_beside(store: Store, profile: xr.Dataset) -> None:
-    recording = content_digest(profile)
-    first = stored(store, profile, vehicle="coach", software="0.9.1").entry
-    later = stored(store, profile, vehicle="coach", software="0.10.0")
-    old = stored(store, profile, vehicle="locomotive", software="0.9.0")
-    assert (later.shown, old.shown) == (True, False)
-    assert stores.find(store) == (later.entry,)
-    wanted = stored(store, profile, vehicle="locomotive", software="0.9.0", revision=1)
-    assert stores.find(store) == (wanted.entry,)
-    every = stores.find(store, all_versions=True)
-    assert {one.id for one in every} == {first.id, later.entry.id, old.entry.id, wanted.entry.id}
-    assert {one.origin.recording for one in every} == {recording}
-    assert stores.lines(store)[0].passes == 1
-
-
-def test_a_second_recording_of_a_run_is_refused_and_nothing_written(
-    tmp_path: Path, profile: xr.Dataset, other: xr.Dataset
-) -> None:
-    store = stores.create(str(tmp_path / "store"))
-    stored(store, profile, source="first.nc")
-    before = tree(tmp_path)
-    with pytest.raises(
-        DataError, match=r"has another recording \(first.nc\) of 600 m of this track"
-    ):
-        stored(store, other)
-    assert tree(tmp_path) == before
-    assert stored(store, other, replace(PLACE, run="07:12")).new
-    assert stored(store, other, replace(PLACE, direction="down")).new
-
-
-def test_recordings_of_a_run_may_share_their_ends(store: Store) -> None:
-    whole = Network(1, 4000.0, 1).passed(0, 0)
-    pieces = [whole.isel(distance=slice(first, first + 8001)) for first in (0, 6000)]  # share 500 m
-    assert all(stored(store, one).new for one in pieces)
-    with pytest.raises(DataError, match="give each pass of a day its run"):
-        stored(store, whole.isel(distance=slice(4000, 12001)))
-
-
-def test_another_stretch_of_a_recording_needs_a_run_of_its_own(
+def test_another_vehicle_or_software_is_another_version_of_the_pass(
     store: Store, profile: xr.Dataset
 ) -> None:
     recording = content_digest(profile)
-    stored(store, profile.isel(distance=slice(0, 1200)), recording=recording)
+    first = add(store, profile, vehicle="coach", software="0.9.1").entry
+    later = add(store, profile, vehicle="coach", software="0.10.0")
+    old = add(store, profile, vehicle="locomotive", software="0.9.0")
+    assert (later.shown, old.shown) == (True, False)
+    assert stores.find(store) == (later.entry,)
+    wanted = add(store, profile, vehicle="locomotive", software="0.9.0", revision=1)
+    assert stores.find(store) == (wanted.entry,)
+    versions = stores.find(store, all_versions=True)
+    assert {one.id for one in versions} == {first.id, later.entry.id, old.entry.id, wanted.entry.id}
+    assert {one.origin.recording for one in versions} == {recording}
+    assert stores.lines(store)[0].passes == 1
+
+
+def test_a_second_recording_of_a_run_is_refused_and_nothing_is_written(
+    tmp_path: Path, profile: xr.Dataset, other: xr.Dataset
+) -> None:
+    store = stores.create(str(tmp_path / "store"))
+    add(store, profile, source="first.nc")
+    before = contents(tmp_path)
+    with pytest.raises(
+        DataError, match=r"has another recording \(first.nc\) of 600 m of this track"
+    ):
+        add(store, other)
+    assert contents(tmp_path) == before
+    assert add(store, other, replace(KEY, run="07:12")).new
+    assert add(store, other, replace(KEY, direction="down")).new
+
+
+def test_consecutive_recordings_of_a_run_may_overlap(store: Store) -> None:
+    whole = Network(1, 4000.0, 1).passed(0, 0)
+    pieces = [whole.isel(distance=slice(first, first + 8001)) for first in (0, 6000)]  # share 500 m
+    assert all(add(store, one).new for one in pieces)
+    with pytest.raises(DataError, match="give each pass of a day its own run"):
+        add(store, whole.isel(distance=slice(4000, 12001)))
+
+
+def test_another_stretch_of_a_recording_needs_its_own_run(
+    store: Store, profile: xr.Dataset
+) -> None:
+    recording = content_digest(profile)
+    add(store, profile.isel(distance=slice(0, 1200)), recording=recording)
     rest = profile.isel(distance=slice(1200, None))
-    with pytest.raises(DataError, match="give the other stretch of the recording a run of its own"):
-        stored(store, rest, recording=recording)
-    assert stored(store, rest, replace(PLACE, run="06:12, second part"), recording=recording).new
+    with pytest.raises(DataError, match="give the other stretch of the recording its own run"):
+        add(store, rest, recording=recording)
+    assert add(store, rest, replace(KEY, run="06:12, second part"), recording=recording).new
 
 
 def test_an_assessment_of_another_profile_is_refused(store: Store, profile: xr.Dataset) -> None:
     piece = profile.isel(distance=slice(0, 1000))
     with pytest.raises(DataError, match="assess the profile that is to be stored"):
-        stores.add(store, PLACE, profile, judged(piece), Origin(content_digest(profile)))
+        stores.add(store, KEY, profile, assessed(piece), Origin(content_digest(profile)))
     assert stores.find(store) == ()
 
 
-def test_the_catalogue_tells_how_well_a_pass_is_known(store: Store, profile: xr.Dataset) -> None:
-    entry = stored(store, profile).entry
+def test_an_entry_has_the_standard_deviations_gaps_and_defects_of_its_pass(
+    store: Store, profile: xr.Dataset
+) -> None:
+    entry = add(store, profile).entry
     known = profile["quality"].to_numpy() & Quality.GAP == 0
     assert (entry.start, entry.end, entry.points) == (0.0, 600.0, 2401)
-    assert entry.known == pytest.approx(known.mean())
-    spread = profile["standard_deviation_D2"].to_numpy()
-    assert entry.deviations["D2"] == np.median(spread[known])
-    found = judged(profile)
+    assert entry.known_share == pytest.approx(known.mean())
+    deviation = profile["standard_deviation_D2"].to_numpy()
+    assert entry.standard_deviations["D2"] == np.median(deviation[known])
+    found = assessed(profile)
     assert sum(entry.defects.values()) == sum(one.likely is not None for one in found.defects)
     assert entry.notes == found.notes
 
 
-def test_tables_are_the_assessments_with_their_place(store: Store) -> None:
+def test_tables_are_those_of_the_assessment_with_the_pass_in_each_row(store: Store) -> None:
     rough = build_profile(*_dipped(), kind="truth")
-    entry = stored(store, rough).entry
-    found = judged(rough)
+    entry = add(store, rough).entry
+    found = assessed(rough)
     assert len(found.defects) >= 3
     rows = stores.defects(store, [entry])
     assert rows["peak_m"] == [one.peak for one in found.defects]
@@ -319,27 +330,27 @@ def test_tables_are_the_assessments_with_their_place(store: Store) -> None:
     assert set(zip(rows["line"], rows["direction"], rows["day"], rows["run"], strict=True)) == {
         ("Main / North", "up", DAY, "06:12")
     }
-    touched = stores.defects(store, [entry], 290.0, 310.0)["peak_m"]
-    assert touched == [one.peak for one in found.defects if one.end >= 290 and one.start <= 310]
+    overlapping = stores.defects(store, [entry], 290.0, 310.0)["peak_m"]
+    assert overlapping == [one.peak for one in found.defects if one.end >= 290 and one.start <= 310]
     sections = stores.sections(store, [entry], end=200.0)
     assert set(sections["start_m"]) == {0.0, 100.0, 200.0}
     with pytest.raises(DataError, match="There is no table 'faults'; choose one of defects"):
-        stores.table(store, [entry], "faults")
+        stores.read_table(store, [entry], "faults")
 
 
 def _dipped() -> tuple[np.ndarray, np.ndarray]:
     distance = np.arange(0.0, 600.0, 0.25)
-    dips = [np.exp(-0.5 * ((distance - place) / 2) ** 2) for place in (100, 300, 500)]
+    dips = [np.exp(-0.5 * ((distance - position) / 2) ** 2) for position in (100, 300, 500)]
     return distance, -0.04 * np.sum(dips, axis=0)
 
 
-def test_tables_of_passes_judged_by_different_classes_stand_together(store: Store) -> None:
+def test_tables_of_assessments_with_different_classes_are_combined(store: Store) -> None:
     rough = build_profile(*_dipped(), kind="truth")
-    one = stored(store, rough).entry
+    one = add(store, rough).entry
     no_classes = replace(LIMITS, classes=())
     other = stores.add(
         store,
-        replace(PLACE, run="7"),
+        replace(KEY, run="7"),
         rough,
         assess(rough, no_classes, SPEED),
         Origin(content_digest(rough)),
@@ -351,36 +362,38 @@ def test_tables_of_passes_judged_by_different_classes_stand_together(store: Stor
     assert rows["probability_A"][halves:] == [None] * halves
 
 
-def test_kilometres_and_coordinates_stand_in_the_tables(store: Store) -> None:
+def test_tables_have_kilometres_and_coordinates(store: Store) -> None:
     rough = build_profile(*_dipped(), kind="truth")
-    way = ChainageTable([0.0, 1000.0], [12.0, 11.0], [0.0, 1000.0], [52.0, 52.01], [13.0, 13.0])
+    chainage = ChainageTable(
+        [0.0, 1000.0], [12.0, 11.0], [0.0, 1000.0], [52.0, 52.01], [13.0, 13.0]
+    )
     entry = stores.add(
-        store, PLACE, rough, judged(rough), Origin(content_digest(rough)), way=way
+        store, KEY, rough, assessed(rough), Origin(content_digest(rough)), chainage=chainage
     ).entry
     rows = stores.defects(store, [entry])
     assert rows["peak_kilometre"][0] == pytest.approx(11.9, abs=0.01)
     assert rows["latitude_deg"][0] == pytest.approx(52.001, abs=1e-4)
 
 
-NASTY = (
+UNUSUAL_NAMES = (
     "..", "../../etc/passwd", "a/b\\c", "'; DROP TABLE catalogue; --", '"', "$line", "%2e%2e", "*?[x]", "line=other",
     "<script>alert(1)</script>",
     "\u014cigawa \u7dda", "\u00c5", "A\u030a", "a\nb\x00c", " ", "\u202egnikcab", "\U0001f686",
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", NASTY)
-def test_a_name_is_data_whatever_it_says(tmp_path: Path, profile: xr.Dataset, name: str) -> None:
+@pytest.mark.parametrize("name", UNUSUAL_NAMES)
+def test_a_name_may_hold_any_characters(tmp_path: Path, profile: xr.Dataset, name: str) -> None:
     store = stores.create(str(tmp_path / "inner" / "store"))
-    plain = stored(store, profile).entry
-    odd = stored(store, profile, PassKey(name, name, DAY, name), source=name, vehicle=name).entry
+    plain = add(store, profile).entry
+    odd = add(store, profile, PassKey(name, name, DAY, name), source=name, vehicle=name).entry
     assert stores.find(store, line=name, direction=name) == (odd,)
-    assert stores.find(store, line=PLACE.line) == (plain,)
+    assert stores.find(store, line=KEY.line) == (plain,)
     assert {(one.line, one.direction) for one in stores.lines(store)} == {
         (name, name),
         ("Main / North", "up"),
     }
-    assert odd.place == PassKey(name, name, DAY, name)
+    assert odd.key == PassKey(name, name, DAY, name)
     assert stores.verify(store) == ()
     assert {path.name for path in tmp_path.iterdir()} == {"inner"}
     assert {path.name for path in (tmp_path / "inner").iterdir()} == {"store"}
@@ -394,7 +407,7 @@ def test_a_name_is_data_whatever_it_says(tmp_path: Path, profile: xr.Dataset, na
     direction=st.text(min_size=1, max_size=20),
 )
 @settings(max_examples=50)
-def test_no_two_names_have_one_path(line: str, direction: str) -> None:
+def test_different_names_have_different_paths(line: str, direction: str) -> None:
     path = PassKey(line, direction, DAY).path(ENTRIES, 16 * "0" + "-" + 16 * "1")
     parts = path.split("/")
     assert len(parts) == 5
@@ -407,25 +420,29 @@ def test_no_two_names_have_one_path(line: str, direction: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
-    [("", "needs the name of its line"), ("x" * 201, "shorten it"), ("\ud800", "is no text")],
+    ("line", "message"),
+    [
+        ("", "needs the name of its line"),
+        ("x" * 201, "shorten it"),
+        ("\ud800", "is not valid Unicode text"),
+    ],
 )
-def test_a_name_that_no_path_can_hold_is_refused(line: str, said: str) -> None:
-    with pytest.raises(DataError, match=said):
+def test_an_invalid_name_is_refused(line: str, message: str) -> None:
+    with pytest.raises(DataError, match=message):
         PassKey(line, "up", DAY)
 
 
-def test_a_time_is_no_day() -> None:
-    with pytest.raises(DataError, match="its time is its run"):
+def test_a_time_is_refused_as_a_day() -> None:
+    with pytest.raises(DataError, match="give its time as the run"):
         PassKey("Main", "up", datetime(2026, 5, 1, 6, 12))
 
 
-def test_a_recording_is_named_by_a_whole_hash() -> None:
+def test_an_identity_that_is_not_a_digest_is_refused() -> None:
     with pytest.raises(DataError, match="64 hexadecimal digits, got 'abc'"):
         Origin("abc")
 
 
-entries_drawn = st.lists(
+entry_fields = st.lists(
     st.builds(
         dict,
         line=st.sampled_from(["A", "B"]),
@@ -442,7 +459,7 @@ entries_drawn = st.lists(
 
 
 @given(
-    drawn=entries_drawn,
+    fields=entry_fields,
     line=st.sampled_from([None, "A", "C"]),
     direction=st.sampled_from([None, "up"]),
     days=st.tuples(*2 * [st.none() | st.integers(0, 5).map(lambda n: DAY + timedelta(days=n))]),
@@ -450,8 +467,8 @@ entries_drawn = st.lists(
     indexed=st.integers(0, 15),
 )
 @settings(max_examples=25, deadline=None)
-def test_find_is_what_looking_at_each_entry_finds(
-    drawn: list[dict],
+def test_find_returns_what_a_search_of_each_entry_returns(
+    fields: list[dict],
     line: str | None,
     direction: str | None,
     days: tuple,
@@ -460,23 +477,24 @@ def test_find_is_what_looking_at_each_entry_finds(
 ) -> None:
     store = stores.create(f"memory://{uuid.uuid4()}")
     entries = {}
-    for number, one in enumerate(drawn):
-        place = PassKey(one["line"], one["direction"], one["day"], one["run"])
+    for number, one in enumerate(fields):
+        key = PassKey(one["line"], one["direction"], one["day"], one["run"])
         origin = Origin(one["recording"], revision=one["revision"], software=one["software"])
         made = Entry(
-            entry_id(place, origin), place, origin, "posterior", one["start"], one["start"] + 150, 10, 1.0, {},
-            {"alert": 0, "intervention": 0, "immediate action": 0}, (),
-            {table: stores.StoredFile(1, "0" * 64) for table in stores.DATA},
+            id=entry_id(key, origin), key=key, origin=origin, kind="posterior", start=one["start"],
+            end=one["start"] + 150, points=10, known_share=1.0, standard_deviations={},
+            defects={action.words: 0 for action in Action}, notes=(),
+            files={table: stores.StoredFile(1, "0" * 64) for table in stores.DATA},
         )  # fmt: skip
         if made.path(ENTRIES) in entries:
-            continue  # the same name always has the same bytes: nothing in a store is written over by others
+            continue  # in a store the same path always has the same bytes
         entries[made.path(ENTRIES)] = made
-        store.files.put(made.path(ENTRIES), document(made))
+        store.files.put(made.path(ENTRIES), entry_document(made))
         if number == indexed:
             stores.build_index(store)
     latest: dict = {}
     for one in entries.values():
-        key, rank = (one.place, one.origin.recording), _rank(one)
+        key, rank = (one.key, one.origin.recording), _rank(one)
         latest[key] = max(latest.get(key, rank), rank)
     wanted = {
         path for path, one in entries.items()
@@ -484,23 +502,27 @@ def test_find_is_what_looking_at_each_entry_finds(
         and (days[0] is None or one.day >= days[0]) and (days[1] is None or one.day <= days[1])
         and (ends[0] is None or one.end >= ends[0]) and (ends[1] is None or one.start <= ends[1])
     }  # fmt: skip
-    asked = {
+    criteria = {
         "line": line, "direction": direction, "first": days[0], "last": days[1], "start": ends[0], "end": ends[1],
     }  # fmt: skip
-    every = stores.find(store, **asked, all_versions=True)
-    assert {one.path(ENTRIES) for one in every} == wanted
-    assert len(every) == len(wanted)
-    newest = {
+    versions = stores.find(store, **criteria, all_versions=True)
+    assert {one.path(ENTRIES) for one in versions} == wanted
+    assert len(versions) == len(wanted)
+    current = {
         path
         for path in wanted
-        if _rank(entries[path]) == latest[entries[path].place, entries[path].origin.recording]
+        if _rank(entries[path]) == latest[entries[path].key, entries[path].origin.recording]
     }
-    assert {one.path(ENTRIES) for one in stores.find(store, **asked)} == newest
-    there = [
-        one for one in entries.values() if _rank(one) == latest[one.place, one.origin.recording]
+    assert {one.path(ENTRIES) for one in stores.find(store, **criteria)} == current
+    current_entries = [
+        one for one in entries.values() if _rank(one) == latest[one.key, one.origin.recording]
     ]
     for one in stores.lines(store):
-        own = [each for each in there if (each.line, each.direction) == (one.line, one.direction)]
+        own = [
+            each
+            for each in current_entries
+            if (each.line, each.direction) == (one.line, one.direction)
+        ]
         assert one.passes == len(own)
         assert one.days == tuple(sorted({each.day for each in own}))
         assert (one.start, one.end) == (
@@ -514,105 +536,111 @@ def _rank(entry: Entry) -> tuple:
 
 
 def test_an_entry_is_read_as_it_was_written(store: Store, profile: xr.Dataset) -> None:
-    entry = stored(store, profile, speed=44.4, source="Ω.nc").entry
+    entry = add(store, profile, speed=44.4, source="Ω.nc").entry
     path = entry.path(ENTRIES)
-    assert parsed(store.files.read(path), path) == entry
-    assert document(entry) == store.files.read(path)
+    assert parse_entry(store.files.read(path), path) == entry
+    assert entry_document(entry) == store.files.read(path)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (
-            lambda body: body | {"schema": 2},
-            "an entry of schema 2, this version knows up to 1; update it",
+            lambda body: body | {"schema": 3},
+            "the entry has schema 3, this version reads schemas up to 2; update trackprofile",
         ),
-        (lambda body: body | {"points": "many"}, "not an entry as this version knows it"),
-        (lambda body: body | {"id": "0" * 16 + "-" + "0" * 16}, "does not belong there"),
+        (lambda body: body | {"points": "many"}, "does not have the expected content"),
+        (lambda body: body | {"id": "0" * 16 + "-" + "0" * 16}, "does not belong at this path"),
         (
             lambda body: body | {"files": {"../../x": {"size": 1, "sha256": ""}}},
-            "does not belong there",
+            "does not belong at this path",
         ),
     ],
 )
-def test_an_entry_that_is_none_is_refused(
-    store: Store, profile: xr.Dataset, change: Callable[[dict], dict], said: str
+def test_an_invalid_entry_is_refused(
+    store: Store, profile: xr.Dataset, change: Callable[[dict], dict], message: str
 ) -> None:
-    from trackprofile.store import entry as entries
-
-    path = stored(store, profile).entry.path(ENTRIES)
+    path = add(store, profile).entry.path(ENTRIES)
     body = json.loads(store.files.read(path))
     body.pop("checksum")
     body = change(body)
-    body["checksum"] = entries._digest(body)
+    body["checksum"] = digest(body)
     store.files.put(path, json.dumps(body).encode())
-    with pytest.raises(FileError, match=said):
+    with pytest.raises(FileError, match=message):
         stores.find(store)
 
 
 @pytest.mark.parametrize(
     "content", [b"", b"{", b"[" * 100_000, b"null", b"{}", b'{"checksum": NaN, "a": NaN}']
 )
-def test_what_is_no_entry_at_all_is_refused(
+def test_a_file_that_is_not_an_entry_is_refused(
     store: Store, profile: xr.Dataset, content: bytes
 ) -> None:
-    path = stored(store, profile).entry.path(ENTRIES)
+    path = add(store, profile).entry.path(ENTRIES)
     store.files.put(path, content)
     with pytest.raises(FileError, match="trackprofile store verify"):
         stores.find(store)
 
 
-def test_a_store_is_made_once_and_opened_ever_after(tmp_path: Path, profile: xr.Dataset) -> None:
+def test_create_opens_an_existing_store(tmp_path: Path, profile: xr.Dataset) -> None:
     url = str(tmp_path / "new" / "store")
-    with pytest.raises(FileError, match="there is no store; check the place"):
+    with pytest.raises(FileError, match="there is no store at this location; check it"):
         stores.open_store(url)
     store = stores.create(url)
-    entry = stored(store, profile).entry
+    entry = add(store, profile).entry
     assert (
         stores.find(stores.create(url))
         == stores.find(stores.open_store(f"file://{url}"))
         == (entry,)
     )
-    with pytest.raises(FileError, match="the folder is no store and not empty"):
+    with pytest.raises(FileError, match="the folder is not empty and not a store"):
         stores.create(str(Path(url) / "profiles"))
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
-        ('{"schema": 2}', "a store of schema 2, this version knows up to 1; update trackprofile"),
-        ('{"schema": "new"}', "states schema 'new'; expected 1"),
+        (
+            '{"schema": 3}',
+            "the store has schema 3, this version reads schemas up to 2; update trackprofile",
+        ),
+        ('{"schema": "new"}', "has the schema 'new'; expected 1 to 2"),
         ("[]", "store.json is damaged"),
         ("", "store.json is damaged"),
     ],
 )
-def test_a_store_of_another_schema_is_left_alone(tmp_path: Path, content: str, said: str) -> None:
+def test_a_store_of_a_newer_or_invalid_schema_is_refused(
+    tmp_path: Path, content: str, message: str
+) -> None:
     (tmp_path / "store.json").write_text(content, encoding="utf-8")
-    for opened in (stores.open_store, stores.create):
-        with pytest.raises(FileError, match=said):
-            opened(str(tmp_path))
-    assert tree(tmp_path) == {"store.json": content.encode()}
+    for open_function in (stores.open_store, stores.create):
+        with pytest.raises(FileError, match=message):
+            open_function(str(tmp_path))
+    assert contents(tmp_path) == {"store.json": content.encode()}
 
 
-def test_any_file_system_of_fsspec_holds_what_a_folder_does(
+def test_a_file_system_of_fsspec_gives_the_same_store_as_a_folder(
     tmp_path: Path, profile: xr.Dataset
 ) -> None:
-    here = stores.create(str(tmp_path / "here"))
-    there = stores.create(str(tmp_path / "there"))
-    there = replace(there, files=RemoteFiles(fsspec.filesystem("file"), str(tmp_path / "there")))
-    entries = [stored(store, profile).entry for store in (here, there)]
-    assert [stores.build_index(store) for store in (here, there)] == [stores.build_index(here)] * 2
-    assert tree(tmp_path / "here") == tree(tmp_path / "there")
-    assert stores.find(there) == (entries[0],)
-    assert stores.read_profile(there, entries[1], 100.0, 200.0).sizes["distance"] == 401
-    there.files.put(entries[1].path("profiles"), b"half")
-    there.files.put(entries[1].path("profiles").replace("line=", "line=other-"), b"nobody's")
-    assert len(stores.verify(there)) == 2
-    assert stores.clean(there) == ()
-    assert len(stores.clean(there, timedelta(0))) == 1
+    local = stores.create(str(tmp_path / "local"))
+    remote = stores.create(str(tmp_path / "remote"))
+    files = RemoteFiles(fsspec.filesystem("file"), str(tmp_path / "remote"))
+    remote = replace(remote, files=files)
+    entries = [add(store, profile).entry for store in (local, remote)]
+    assert [stores.build_index(store) for store in (local, remote)] == [
+        stores.build_index(local)
+    ] * 2
+    assert contents(tmp_path / "local") == contents(tmp_path / "remote")
+    assert stores.find(remote) == (entries[0],)
+    assert stores.read_profile(remote, entries[1], 100.0, 200.0).sizes["distance"] == 401
+    remote.files.put(entries[1].path("profiles"), b"half")
+    remote.files.put(entries[1].path("profiles").replace("line=", "line=other-"), b"unreferenced")
+    assert len(stores.verify(remote)) == 2
+    assert stores.clean(remote) == ()
+    assert len(stores.clean(remote, timedelta(0))) == 1
 
 
-def test_a_missing_library_is_named_with_its_remedy(
+def test_a_missing_library_is_reported_with_its_remedy(
     monkeypatch: pytest.MonkeyPatch, store: Store
 ) -> None:
     from trackprofile.store import catalogue
@@ -626,30 +654,30 @@ def test_a_missing_library_is_named_with_its_remedy(
         stores.open_store("s3://bucket")
 
 
-def test_a_url_that_nothing_reaches_is_refused() -> None:
-    with pytest.raises(FileError, match="no library here reaches that"):
+def test_an_unsupported_url_is_refused() -> None:
+    with pytest.raises(FileError, match="no installed library supports this URL"):
         stores.open_store("gopher://old/store")
 
 
-def test_many_may_add_and_read_at_once(tmp_path: Path) -> None:
-    alone, shared = (stores.create(str(tmp_path / name)) for name in ("alone", "shared"))
+def test_concurrent_threads_add_and_read(tmp_path: Path) -> None:
+    single, shared = (stores.create(str(tmp_path / name)) for name in ("single", "shared"))
     passes = [NETWORK.passed(0, number) for number in range(4)]
-    places = [replace(PLACE, day=NETWORK.day(number)) for number in range(4)]
-    found = [judged(one) for one in passes]
+    keys = [replace(KEY, day=NETWORK.day(number)) for number in range(4)]
+    assessments = [assessed(one) for one in passes]
     origins = [Origin(content_digest(one)) for one in passes]
-    for made in zip(places, passes, found, origins, strict=True):
-        stores.add(alone, *made)
+    for arguments in zip(keys, passes, assessments, origins, strict=True):
+        stores.add(single, *arguments)
 
     def work(seed: int) -> int:
         order = np.random.default_rng(seed).permutation(4)
         for number in order:
-            stores.add(shared, places[number], passes[number], found[number], origins[number])
+            stores.add(shared, keys[number], passes[number], assessments[number], origins[number])
             stores.lines(shared)
         return len(stores.find(shared))
 
     with ThreadPoolExecutor(6) as pool:
         assert set(pool.map(work, range(6))) == {4}
-    assert tree(tmp_path / "alone") == tree(tmp_path / "shared")
+    assert contents(tmp_path / "single") == contents(tmp_path / "shared")
 
 
 @pytest.fixture(scope="module")
@@ -659,16 +687,16 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return store
 
 
-def test_a_simulated_network_is_whole(small: Store) -> None:
-    there = stores.lines(small)
-    assert [(one.line, one.passes, one.start, one.end) for one in there] == [
+def test_a_simulated_network_is_complete(small: Store) -> None:
+    lines = stores.lines(small)
+    assert [(one.line, one.passes, one.start, one.end) for one in lines] == [
         ("Line 1", 4, 0.0, 1200.0),
         ("Line 2", 4, 0.0, 1200.0),
     ]
     assert stores.verify(small) == ()
 
 
-def test_duckdb_reads_the_files_in_place(small: Store) -> None:
+def test_duckdb_reads_the_files_directly(small: Store) -> None:
     import duckdb
 
     files = f"read_parquet('{small.url}/profiles/**/*.parquet', hive_partitioning = true)"

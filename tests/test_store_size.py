@@ -1,10 +1,10 @@
-"""A store of a whole network: how large it is, and how quickly a line is opened.
+"""Size of the store of a network, and time to open a line.
 
-The full size, 2,000 km passed 20 times, 1.7 GB, is made once by
+The full size, 2,000 km with 20 passes, 1.7 GB, is created once by
 
     python tests/network.py FOLDER --lines 20 --length 100000 --passes 20
 
-and measured here with ``TRACKPROFILE_STORE=FOLDER``; without, one line of 100 km passed twice stands for it.
+and measured here with ``TRACKPROFILE_STORE=FOLDER``; without that, one line of 100 km with 2 passes represents it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import pytest
 from network import Network, fill
 from trackprofile import store as stores
 from trackprofile.store import PassKey, entry_id
-from trackprofile.store.entry import document
+from trackprofile.store.entry import entry_document
 from trackprofile.store.layout import ENTRIES
 
 VIEWS = """
@@ -32,14 +32,14 @@ from trackprofile import store as stores
 
 def timed(what, work):
     wall, processor = time.perf_counter(), time.process_time()
-    made = work()
-    told[what] = [time.perf_counter() - wall, time.process_time() - processor]
-    return made
+    result = work()
+    times[what] = [time.perf_counter() - wall, time.process_time() - processor]
+    return result
 
 def drawn(start, end):
     for entry in passes:
         for column in ("elevation", "D1", "D2", "D3"):
-            assert stores.strip(store, entry, column, start, end, 1000).low.size
+            assert stores.envelope(store, entry, column, start, end, 1000).low.size
     return stores.defects(store, passes, start, end)
 
 def opened():
@@ -48,18 +48,18 @@ def opened():
     passes = stores.find(store, line=line.line, first=line.days[-1], last=line.days[-1])
     return drawn(line.start, line.end)
 
-told = {}
+times = {}
 store = stores.open_store(sys.argv[1])
 timed("line", opened)
 middle = 0.5 * (passes[0].start + passes[0].end)
 timed("kilometre", lambda: drawn(middle, middle + 1000))
 timed("line again", opened)
 timed("all passes over a kilometre", lambda: [
-    stores.strip(store, one, "D1", middle, middle + 1000, 1000) for one in stores.find(store, line=passes[0].line)])
-stores.read_profile(store, passes[0], middle, middle + 1000)  # once: xarray then loads what it has
+    stores.envelope(store, one, "D1", middle, middle + 1000, 1000) for one in stores.find(store, line=passes[0].line)])
+stores.read_profile(store, passes[0], middle, middle + 1000)  # once: xarray imports its backends
 timed("a profile of a kilometre", lambda: stores.read_profile(store, passes[0], middle, middle + 1000))
-told["memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-print(json.dumps(told))
+times["memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+print(json.dumps(times))
 """
 
 
@@ -75,12 +75,12 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.acceptance
 def test_a_line_opens_within_a_second_and_a_kilometre_within_a_third(network: Path) -> None:
     command = [sys.executable, "-c", VIEWS, str(network)]
-    told = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
-    print(told)  # noqa: T201
-    assert told["line"][0] < 1.0
-    assert told["kilometre"][0] < 0.3
-    assert told["a profile of a kilometre"][0] < 0.05
-    assert told["memory"] < 1e9
+    times = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    print(times)  # noqa: T201
+    assert times["line"][0] < 1.0
+    assert times["kilometre"][0] < 0.3
+    assert times["a profile of a kilometre"][0] < 0.05
+    assert times["memory"] < 1e9
 
 
 CATALOGUE = """
@@ -101,24 +101,24 @@ print(json.dumps([timed(lambda: stores.lines(store)), timed(lambda: stores.lines
 def test_eight_thousand_passes_are_listed_in_less_than_half_a_second(tmp_path: Path) -> None:
     store = stores.create(str(tmp_path))
     (added,) = fill(store, Network(1, 600.0, 1))
-    for number in range(8000):  # 2,000 km passed 20 times, in recordings of 5 km
+    for number in range(8000):  # 2,000 km with 20 passes, in recordings of 5 km
         line, day, piece = number // 400, number // 20 % 20, number % 20
-        place = PassKey(f"Line {line}", "up", date(2026, 5, 1 + day), "06:12")
+        key = PassKey(f"Line {line}", "up", date(2026, 5, 1 + day), "06:12")
         origin = replace(
             added.entry.origin, recording=hashlib.sha256(str(number).encode()).hexdigest()
         )
         begin = 5000.0 * piece
         entry = replace(
             added.entry,
-            id=entry_id(place, origin),
-            place=place,
+            id=entry_id(key, origin),
+            key=key,
             origin=origin,
             start=begin,
             end=begin + 5000,
         )
         path = tmp_path / entry.path(ENTRIES)
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(document(entry))
+        path.write_bytes(entry_document(entry))
     command = [sys.executable, "-c", CATALOGUE, str(tmp_path)]
     without = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
     stores.build_index(store)

@@ -75,7 +75,7 @@ def add(
     measured, along = read_as(profile, "profile"), way_of(way)
     found = judged(measured, limits, speed, passes)
     origin = _origin(measured, profile.name, found, along, revision)
-    added = stores.add(stores.create(at), place, measured, found, origin, way=along)
+    added = stores.add(stores.create(at), place, measured, found, origin, chainage=along)
     notes = list(found.notes)
     if not added.shown:
         notes.append("Another version of this recording stays the one shown: see --revision")
@@ -142,8 +142,8 @@ def show_pass(which: Which, at: At, as_json: Json = False) -> None:
     rows = [("entry", entry.id), ("line", entry.line), ("direction", entry.direction)]
     rows += [("day", entry.day.isoformat()), ("run", entry.run)]
     rows += [("from, to", f"{entry.start:.2f} m, {entry.end:.2f} m")]
-    rows += [("known", f"{100 * entry.known:.1f} % of {entry.points} points")]
-    spreads = entry.deviations.items()
+    rows += [("known", f"{100 * entry.known_share:.1f} % of {entry.points} points")]
+    spreads = entry.standard_deviations.items()
     rows += [(f"standard deviation in {band}", f"{1e3 * one:.3f} mm") for band, one in spreads]
     rows += [(f"defects, {action}", str(count)) for action, count in entry.defects.items()]
     rows += [(name, str(value)) for name, value in asdict(entry.origin).items()]
@@ -196,7 +196,7 @@ def export(
         entries = (_named(entries, which),)
     if table:
         made = {
-            name: _pass_table(entries) if name == PASSES else stores.table(store, entries, name, from_m, to_m)
+            name: _pass_table(entries) if name == PASSES else stores.read_table(store, entries, name, from_m, to_m)
             for name in table
         }  # fmt: skip
         files = write_tables(made, output)
@@ -240,7 +240,7 @@ def tidy(
     """Remove what writers that were killed left unfinished, and make the index anew."""
     from trackprofile import store as stores
 
-    older = timedelta(0) if now else stores.LIVING
+    older = timedelta(0) if now else stores.ABANDONED_AFTER
     store = stores.open_store(at)
     removed, gathered = stores.clean(store, older), stores.build_index(store)
     if as_json:
@@ -256,17 +256,21 @@ def _origin(
 ) -> Origin:
     """Of a profile in a file: by the recording that it names, else by itself."""
     from trackprofile.contracts import content_digest
-    from trackprofile.store import Origin, digest
+    from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT, digest
+    from trackprofile.store import Origin
 
     own = content_digest(profile)
     return Origin(
-        recording=str(profile.attrs.get("recording", own)),
+        recording=str(profile.attrs.get(RECORDING, own)),
+        fingerprint=str(profile.attrs.get(RECORDING_FINGERPRINT, "")),
         source=source,
         vehicle=str(profile.attrs.get("vehicle", "")),
         method=str(profile.attrs.get("method", "")),
         limits=found.limits.name,
         speed=found.speed,
-        settings=digest(profile=own, limits=found.limits, filter=found.filter, way=way),
+        settings=digest(
+            {"profile": own, "limits": found.limits, "filter": found.filter, "chainage": way}
+        )[:16],
         revision=revision,
     )
 
@@ -323,7 +327,7 @@ def _list(entries: tuple[Entry, ...], *, as_json: bool) -> None:
 
 def _as_dict(entry: Entry) -> dict[str, Any]:
     said = asdict(entry)
-    said["place"]["day"] = entry.day.isoformat()
+    said["key"]["day"] = entry.day.isoformat()
     return said
 
 
@@ -332,9 +336,10 @@ def _pass_table(entries: tuple[Entry, ...]) -> dict[str, list[Any]]:
     rows: list[dict[str, Any]] = [
         {
             "entry": one.id, "line": one.line, "direction": one.direction, "day": one.day, "run": one.run,
-            "start_m": one.start, "end_m": one.end, "points": one.points, "known_share": one.known, "kind": one.kind,
+            "start_m": one.start, "end_m": one.end, "points": one.points, "known_share": one.known_share,
+            "kind": one.kind,
         }
-        | {f"standard_deviation_{band}_mm": 1e3 * value for band, value in one.deviations.items()}
+        | {f"standard_deviation_{band}_mm": 1e3 * value for band, value in one.standard_deviations.items()}
         | {f"defects_{action.replace(' ', '_')}": count for action, count in one.defects.items()}
         | asdict(one.origin)
         for one in entries

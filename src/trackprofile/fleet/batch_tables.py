@@ -35,7 +35,7 @@ def _row(outcome: JobResult) -> dict[str, Any]:
         "entry": None if entry is None else entry.id,
         "start_m": None if entry is None else entry.start,
         "end_m": None if entry is None else entry.end,
-        "known_share": None if entry is None else entry.known,
+        "known_share": None if entry is None else entry.known_share,
     }
     for action in reversed(Action):
         said[action.name.lower()] = None if entry is None else entry.defects.get(action.words, 0)

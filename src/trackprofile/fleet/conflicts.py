@@ -12,7 +12,7 @@ from trackprofile.contracts import recording_identity, select_stretch
 from trackprofile.errors import DataError, TrackprofileError
 from trackprofile.fleet.job import Row, recording_of
 from trackprofile.store import PassKey
-from trackprofile.store.writing import OVERLAP
+from trackprofile.store.recording_conflicts import MAX_OVERLAP
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def _claim(row: Row) -> _Claim:
 def _check(one: _Claim, other: _Claim) -> None:
     shared = min(one.end, other.end) - max(one.start, other.start)
     shorter = min(one.end - one.start, other.end - other.start)
-    if one.content == other.content or shared <= min(OVERLAP, shorter / 2):
+    if one.content == other.content or shared <= min(MAX_OVERLAP, shorter / 2):
         return
     row = one.row
     raise DataError(

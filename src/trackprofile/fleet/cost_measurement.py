@@ -22,7 +22,7 @@ from trackprofile.models.receptance import point_track
 from trackprofile.simulation.simulate import RunSettings, sensor_signal, simulate
 from trackprofile.simulation.speed_schedule import constant_speed
 from trackprofile.store import Entry, Store, create, find
-from trackprofile.store.entry import document
+from trackprofile.store.entry import entry_document
 
 LONGEST_STEP = 1e-3  # s
 RUN_IN = 200.0  # m
@@ -108,7 +108,7 @@ def brought(sample: Sample, folder: str) -> dict[str, float]:
 
 def stored_bytes(entry: Entry) -> int:
     """All that a pass takes in a store [B]."""
-    return len(document(entry)) + sum(one.size for one in entry.files.values())
+    return len(entry_document(entry)) + sum(one.size for one in entry.files.values())
 
 
 def stored_per_metre(store: Store) -> float:

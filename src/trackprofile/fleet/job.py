@@ -177,12 +177,12 @@ def _brought(job: Job) -> tuple[State, Entry]:
 
 def _stored(store: Store, place: PassKey, origin: Origin) -> Entry | None:
     from trackprofile.store import entry_id
-    from trackprofile.store.entry import parsed
+    from trackprofile.store.entry import parse_entry
     from trackprofile.store.layout import ENTRIES
 
     path = place.path(ENTRIES, entry_id(place, origin))
     try:
-        return parsed(store.files.read(path), path)
+        return parse_entry(store.files.read(path), path)
     except FileNotFoundError:
         return None
 
@@ -218,11 +218,12 @@ def means_of(row: Row, recording: xr.Dataset) -> ProcessingSettings:
 
 
 def _origin(row: Row, recording: xr.Dataset, means: ProcessingSettings) -> Origin:
-    from trackprofile.contracts import recording_identity
+    from trackprofile.contracts import legacy_fingerprint, recording_identity
     from trackprofile.store import Origin
 
     return Origin(
         recording=recording_identity(recording),
+        fingerprint=legacy_fingerprint(recording),
         source=row.file.name,
         vehicle=means.vehicle.name,
         method="smoother",

@@ -19,7 +19,7 @@ from trackprofile.server.responses import (
     SectionInfo,
     Sections,
 )
-from trackprofile.store import Entry, Store, rows_of
+from trackprofile.store import Entry, Store, read_table_rows
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def defect_rows(
     columns: Sequence[str] = (*_COLUMNS, *_ACTION_COLUMNS),
 ) -> pa.Table:
     """Isolated defects of some passes that touch a stretch [m]."""
-    parts = [rows_of(store, one, "defects", start, end, columns) for one in entries]
+    parts = [read_table_rows(store, one, "defects", start, end, columns) for one in entries]
     return pa.concat_tables(parts, promote_options="default")
 
 
@@ -155,7 +155,9 @@ def section_columns(
 ) -> tuple[float, dict[str, Any]]:
     """Length of the longest sections of a band [m], and the columns of these sections, ordered by their start."""
     names = ("band", "length_m", "standard_deviation_mm", "low_mm", "high_mm", "quality_class")
-    rows = pa.concat_tables([rows_of(store, one, "sections", start, end, names) for one in entries])
+    rows = pa.concat_tables(
+        [read_table_rows(store, one, "sections", start, end, names) for one in entries]
+    )
     rows = rows.filter(pa.array(_texts(rows, "band") == band, pa.bool_()))
     length = max((round(one) for one in _floats(rows, "length_m")), default=0)
     kept = np.abs(_floats(rows, "length_m") - length) < 1.0

@@ -13,8 +13,8 @@ from trackprofile.assessment.limits import Action
 from trackprofile.errors import DataError
 from trackprofile.server.requests import MAX_BINS
 from trackprofile.server.responses import EnvelopeResponse, Limit, NotAssessedStretch
-from trackprofile.store import Entry, Store, envelope, rows_of
-from trackprofile.store.envelopes import bin_size
+from trackprofile.store import Entry, Store, envelope, read_table_rows
+from trackprofile.store.envelopes import bin_width
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def merge_passes(
     start, end = stretch
     # Bins that are shorter than the spacing of the points would be empty.
     count = max(2, min(max_bins, *(_point_count(one, end - start) for one in entries), MAX_BINS))
-    bins = empty_bins(start, end, bin_size(start, end, count))
+    bins = empty_bins(start, end, bin_width(start, end, count))
     notes = []
     for entry in entries:
         if entry.end < start or entry.start > end:
@@ -149,7 +149,7 @@ def not_assessed_stretches(
     """Stretches that the only pass of a day does not assess; with several passes, another may assess them."""
     if len(entries) != 1:
         return []
-    rows = rows_of(store, entries[0], "not_assessed", bins.start, bins.end)
+    rows = read_table_rows(store, entries[0], "not_assessed", bins.start, bins.end)
     stretches = [
         NotAssessedStretch(start_m=one["start_m"], end_m=one["end_m"], reasons=one["reasons"])
         for one in rows.to_pylist()

@@ -88,8 +88,10 @@ def _pass_quality(entry: Entry, along: Array, flags: list[Flag]) -> PassQuality:
         vehicle=entry.origin.vehicle,
         start_m=entry.start,
         end_m=entry.end,
-        known_share=entry.known,
-        standard_deviation_mm={name: _MILLI * one for name, one in entry.deviations.items()},
+        known_share=entry.known_share,
+        standard_deviation_mm={
+            name: _MILLI * one for name, one in entry.standard_deviations.items()
+        },
         defect_counts={name: count for name, count in entry.defects.items() if count},
         flags=flags,
         standard_deviation_along_mm=millimetres(along, 4),

@@ -270,8 +270,10 @@ def _pass_info(entry: Entry) -> responses.PassInfo:
         run=entry.run,
         start_m=entry.start,
         end_m=entry.end,
-        known_share=entry.known,
-        standard_deviation_mm={name: _MILLI * one for name, one in entry.deviations.items()},
+        known_share=entry.known_share,
+        standard_deviation_mm={
+            name: _MILLI * one for name, one in entry.standard_deviations.items()
+        },
         defect_counts={name: count for name, count in entry.defects.items() if count},
         kind=entry.kind,
         vehicle=origin.vehicle,

@@ -1,7 +1,8 @@
-"""The catalogue: which passes there are, asked in SQL of a DuckDB that lives in this process.
+"""The catalogue: which passes a store has, queried in SQL with DuckDB inside this process.
 
-Of one recording `find` gives the newest version only. Newest is the greatest revision, then the greatest version of the
-software, then the greatest entry: an order that does not depend on when something was stored.
+Of the versions of one recording, `find` returns the current one: that with the largest revision, then the latest
+version of the software, then the latest schema, then the largest identifier. This order does not depend on when a
+version was stored.
 """
 
 from __future__ import annotations
@@ -15,24 +16,24 @@ from typing import Any
 import pyarrow as pa
 
 from trackprofile.errors import FileError
-from trackprofile.store.entry import Entry, parsed
-from trackprofile.store.index import entry_table, rows_below, table_of
+from trackprofile.store.entry import Entry, parse_entry
+from trackprofile.store.index import entry_table, read_entry_rows, table_of_entries
 from trackprofile.store.layout import ENTRIES, PassKey, encoded
 from trackprofile.store.store import Store
 
-_KEPT = 10_000  # entries in memory, of some 5 kB
+_CACHED_ENTRIES = 10_000  # entries in memory, of about 5 kB each
 
 
 @dataclass(frozen=True)
 class StoredLine:
-    """A line in one direction, as far as it was passed.
+    """A line and direction with its passes.
 
     Parameters
     ----------
-    line, direction : by name
-    start, end : of all its passes [m]
-    days : on which it was passed, in their order
-    passes : how many, of which each counts in its newest version
+    line, direction : names
+    start, end : smallest and largest chainage of all passes [m]
+    days : days with passes, sorted
+    passes : number of passes, each counted once whatever its versions
     """
 
     line: str
@@ -54,21 +55,22 @@ def find(
     end: float | None = None,
     all_versions: bool = False,
 ) -> tuple[Entry, ...]:
-    """The passes that there are, by line, direction, day and place.
+    """Entries of a store, by line, direction, day and stretch.
 
     Parameters
     ----------
-    line, direction : by name; None takes all
-    first, last : days, both included
-    start, end : of a stretch that the pass touches [m]
-    all_versions : not only the newest of each recording
+    store : the store
+    line, direction : names; None selects all
+    first, last : first and last day, both included
+    start, end : ends of a stretch that the pass overlaps [m]
+    all_versions : all versions of each recording, not only the current one
 
     Raises
     ------
     FileError : an entry is damaged, or DuckDB is not installed.
     """
     folder = ENTRIES if line is None else f"{ENTRIES}/line={encoded(line)}"
-    rows = _ask(entry_table(store, folder), _FIND, {
+    rows = _query(entry_table(store, folder), _FIND, {
         "line": line, "direction": direction, "first": first, "last": last, "start": start,
         "end": end, "all_versions": all_versions,
     })  # fmt: skip
@@ -76,7 +78,7 @@ def find(
 
 
 def lines(store: Store) -> tuple[StoredLine, ...]:
-    """Every line and direction of which there are passes.
+    """All lines and directions with passes.
 
     Raises
     ------
@@ -84,24 +86,40 @@ def lines(store: Store) -> tuple[StoredLine, ...]:
     """
     return tuple(
         StoredLine(line, direction, start, end, tuple(days), passes)
-        for line, direction, start, end, days, passes in _ask(entry_table(store), _LINES, {})
+        for line, direction, start, end, days, passes in _query(entry_table(store), _LINES, {})
     )
 
 
-def entries_of_day(store: Store, place: PassKey) -> tuple[Entry, ...]:
-    """All entries of a line, direction and day, in all versions."""
-    return tuple(_entry(row.document, row.path) for row in rows_below(store, place.folder(ENTRIES)))
+def entries_of_day(store: Store, key: PassKey) -> tuple[Entry, ...]:
+    """All entries of a line, direction and day, in all versions; the key's run is ignored."""
+    rows = read_entry_rows(store, key.folder(ENTRIES))
+    return tuple(_entry(row.document, row.path) for row in rows)
 
 
-def newest(entries: Collection[Entry]) -> frozenset[str]:
-    """Of each recording of a run the newest version, by the path of its entry."""
-    return frozenset(path for (path,) in _ask(table_of(entries), _NEWEST, {}))
+def current_versions(entries: Collection[Entry]) -> frozenset[str]:
+    """Path of the entry that is the current version, for each recording."""
+    return frozenset(path for (path,) in _query(table_of_entries(entries), _CURRENT, {}))
 
 
-_NEWEST = """
-SELECT path FROM catalogue
+_SAME_PASS = "line, direction, day, run"
+
+# Entries are of one recording if they have its identity or its fingerprint in common. An entry of schema 1 has the
+# fingerprint as its identity. Each step gives connected entries the smallest label among them.
+_CURRENT = f"""
+WITH fingerprints AS (
+    SELECT path, {_SAME_PASS}, recording, revision, software, schema, entry,
+        coalesce(nullif(fingerprint, ''), recording) AS label_0
+    FROM catalogue
+), by_recording AS (
+    SELECT *, min(label_0) OVER (PARTITION BY {_SAME_PASS}, recording) AS label_1 FROM fingerprints
+), by_fingerprint AS (
+    SELECT *, min(label_1) OVER (PARTITION BY {_SAME_PASS}, label_0) AS label_2 FROM by_recording
+), recordings AS (
+    SELECT *, min(label_2) OVER (PARTITION BY {_SAME_PASS}, recording) AS label_3 FROM by_fingerprint
+)
+SELECT path FROM recordings
 QUALIFY row_number() OVER (
-    PARTITION BY line, direction, day, run, recording ORDER BY revision DESC, software DESC, entry DESC
+    PARTITION BY {_SAME_PASS}, label_3 ORDER BY revision DESC, software DESC, schema DESC, entry DESC
 ) = 1
 """
 
@@ -110,22 +128,22 @@ SELECT path, document FROM catalogue
 WHERE ($line IS NULL OR line = $line) AND ($direction IS NULL OR direction = $direction)
   AND ($first IS NULL OR day >= $first) AND ($last IS NULL OR day <= $last)
   AND ($start IS NULL OR end_m >= $start) AND ($end IS NULL OR start_m <= $end)
-  AND ($all_versions OR path IN ({_NEWEST}))
+  AND ($all_versions OR path IN ({_CURRENT}))
 ORDER BY line, direction, day, start_m, run, entry
 """
 
 _LINES = f"""
 SELECT line, direction, min(start_m), max(end_m), list(DISTINCT day ORDER BY day), count(*)
-FROM catalogue WHERE path IN ({_NEWEST}) GROUP BY line, direction ORDER BY line, direction
+FROM catalogue WHERE path IN ({_CURRENT}) GROUP BY line, direction ORDER BY line, direction
 """
 
 
-@lru_cache(_KEPT)
+@lru_cache(_CACHED_ENTRIES)
 def _entry(content: bytes, path: str) -> Entry:
-    return parsed(content, path)
+    return parse_entry(content, path)
 
 
-def _ask(catalogue: pa.Table, query: str, values: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+def _query(catalogue: pa.Table, query: str, values: Mapping[str, Any]) -> list[tuple[Any, ...]]:
     with _database().cursor() as cursor:
         cursor.register("catalogue", catalogue)
         return cursor.execute(query, dict(values)).fetchall()
@@ -137,7 +155,7 @@ def _database() -> Any:
         import duckdb
     except ImportError as error:
         raise FileError(
-            "The catalogue of a store is asked by DuckDB: pip install 'trackprofile[network]'."
+            "The catalogue of a store needs DuckDB: pip install 'trackprofile[network]'."
         ) from error
     settings = {
         "threads": 2,

@@ -1,48 +1,54 @@
-"""An entry of the catalogue: what was stored of a pass, from what, by what, and how to know its files again.
+"""Entries of the catalogue: one small JSON document per pass, with its origin and the checksums of its files.
 
-Nothing in it depends on when or by whom it was written: the same pass gives the same bytes.
+An entry does not depend on when or by whom it was written: the same pass gives the same bytes.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import KW_ONLY, asdict, dataclass
 from datetime import date
 from typing import Any
 
-import numpy as np
-
 from trackprofile import __version__
 from trackprofile.assessment.limits import Action
+from trackprofile.contracts.identity import canonical_json, digest, digest_bytes, is_digest
 from trackprofile.errors import DataError, FileError
 from trackprofile.store.layout import DATA, ENTRIES, SCHEMA, PassKey
 
 _CHECKSUM = "checksum"
+_SHORT_DIGEST = 16  # hexadecimal digits
+_NAMES_OF_SCHEMA_1 = {
+    "key": "place",
+    "known_share": "known",
+    "standard_deviations": "deviations",
+}
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What a stored pass was made from, and how.
+    """Recording that a stored pass was computed from, and how.
 
     Parameters
     ----------
-    recording : its identity, as of `trackprofile.contracts.recording_identity`, 64 hexadecimal digits
-    source : where it was read from, for people; it tells no two passes apart
-    vehicle, method, track, prior, limits : in words
-    speed : of the line, that limits were taken for [m/s]
-    settings : a digest of all that the words do not say, such as the parameters of the vehicle
-    software : version that made it
-    revision : the greatest is the one to show, where a recording was stored more than once
+    recording : identity of the recording, as in `trackprofile.contracts.recording_identity`, 64 hexadecimal digits
+    source : name of the file it was read from, for information; it does not distinguish passes
+    vehicle, method, track, prior, limits : names
+    speed : line speed of the limits [m/s]
+    settings : digest of all settings that the names do not determine, such as the parameters of the vehicle
+    software : version that computed the pass
+    revision : the largest revision of a recording is the current one
+    fingerprint : identity of the same recording in stores of schema 1, as in
+        `trackprofile.contracts.legacy_fingerprint`; empty where it is unknown
 
     Raises
     ------
-    DataError : the recording's hash is none.
+    DataError : the identity or the fingerprint is not a digest.
     """
 
     recording: str
+    _: KW_ONLY
     source: str = ""
     vehicle: str = ""
     method: str = ""
@@ -53,211 +59,193 @@ class Origin:
     settings: str = ""
     software: str = __version__
     revision: int = 0
+    fingerprint: str = ""
 
     def __post_init__(self) -> None:
-        if not re.fullmatch("[0-9a-f]{64}", self.recording):
-            raise DataError(
-                f"Expected the SHA-256 of a recording in 64 hexadecimal digits, got {self.recording!r}."
-            )
+        identities = [self.recording, *([self.fingerprint] if self.fingerprint else [])]
+        for identity in identities:
+            if not is_digest(identity):
+                raise DataError(
+                    f"Identity of a recording: expected a SHA-256 in 64 hexadecimal digits, got {identity!r}; give "
+                    "the profile as infer wrote it."
+                )
 
     @property
     def version(self) -> str:
-        """16 hexadecimal digits, the same for all that was made in one way."""
-        made = {name: value for name, value in asdict(self).items() if name not in _NOT_HOW}
-        return _digest(made)[:16]
+        """16 hexadecimal digits, equal for all passes that were computed in the same way."""
+        settings = {
+            name: value for name, value in asdict(self).items() if name not in _RECORDING_FIELDS
+        }
+        return digest(settings)[:_SHORT_DIGEST]
+
+    @property
+    def identities(self) -> frozenset[str]:
+        """All known identities of the recording; two passes are of one recording if they have one in common."""
+        return frozenset({self.recording, self.fingerprint or self.recording})
 
 
-_NOT_HOW = ("recording", "source")
+_RECORDING_FIELDS = ("recording", "source", "fingerprint")
 
 
 @dataclass(frozen=True)
 class StoredFile:
-    """How to know a file again.
+    """Checksum of a file.
 
     Parameters
     ----------
     size : [B]
-    sha256 : of its bytes, in hexadecimal digits
+    sha256 : SHA-256 of the bytes, in hexadecimal digits
     """
 
     size: int
     sha256: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Entry:
     """One pass in the store.
 
     Parameters
     ----------
-    id : 16 digits of the recording's hash, a dash, 16 of how and in which run
-    place, origin : what it is of, and what it was made from
-    kind : of the profile, one of `trackprofile.contracts.KINDS`
-    start, end, points : of the profile [m, m, -]
-    known : share of its points that are not in a gap
-    deviations : per band, the median of the standard deviation [m]; without those not stated
-    defects : how many are likely beyond the limit of which action, by its words
-    notes : of the assessment, in sentences
-    files : per table, its file
+    id : 16 digits of the recording's identity, a hyphen, and 16 digits of the origin and the run
+    key, origin : line, direction, day and run; and what the pass was computed from
+    kind : kind of the profile, one of `trackprofile.contracts.KINDS`
+    start, end, points : ends of the profile [m], and its number of points
+    known_share : share of its points that are not in a gap
+    standard_deviations : median of the standard deviation, by band [m]; without bands that state none
+    defects : number of defects that probably exceed the limit of an action, by the action's name
+    notes : notes of the assessment, in sentences
+    files : checksum of the file of each table
+    schema : schema of the entry's document
     """
 
     id: str
-    place: PassKey
+    key: PassKey
     origin: Origin
     kind: str
     start: float
     end: float
     points: int
-    known: float
-    deviations: Mapping[str, float]
+    known_share: float
+    standard_deviations: Mapping[str, float]
     defects: Mapping[str, int]
     notes: tuple[str, ...]
     files: Mapping[str, StoredFile]
+    schema: int = SCHEMA
 
     @property
     def line(self) -> str:
-        """Of its place."""
-        return self.place.line
+        """Name of the line."""
+        return self.key.line
 
     @property
     def direction(self) -> str:
-        """Of its place."""
-        return self.place.direction
+        """Name of the direction."""
+        return self.key.direction
 
     @property
     def day(self) -> date:
-        """Of its place."""
-        return self.place.day
+        """Day of the pass."""
+        return self.key.day
 
     @property
     def run(self) -> str:
-        """Of its place."""
-        return self.place.run
+        """Name of the run."""
+        return self.key.run
 
     @property
     def paths(self) -> dict[str, str]:
-        """Of its data files, to the table each is of."""
+        """Table of each data file, by its path."""
         return {self.path(table): table for table in self.files}
 
     def path(self, table: str) -> str:
-        """Of its file of a table, below the store's root."""
-        return self.place.path(table, self.id)
+        """Path of the file of a table, below the store's root."""
+        return self.key.path(table, self.id)
 
 
-def entry_id(place: PassKey, origin: Origin) -> str:
-    """What an entry is called, before it is made.
+def entry_id(key: PassKey, origin: Origin) -> str:
+    """Identifier of the entry of a pass; it is known before the pass is computed.
 
     Examples
     --------
-    >>> place = Place("Main", "up", date(2026, 5, 1))
-    >>> one, other = (entry_id(place, Origin(64 * "a", revision=number)) for number in (0, 1))
-    >>> one[:17] == other[:17] == 16 * "a" + "-", one == other
+    >>> key = PassKey("Main", "up", date(2026, 5, 1))
+    >>> first, second = (entry_id(key, Origin(64 * "a", revision=number)) for number in (0, 1))
+    >>> first[:17] == second[:17] == 16 * "a" + "-", first == second
     (True, False)
     """
-    return f"{origin.recording[:16]}-{_digest([origin.version, place.run])[:16]}"
+    version = digest([origin.version, key.run])
+    return f"{origin.recording[:_SHORT_DIGEST]}-{version[:_SHORT_DIGEST]}"
 
 
-def digest(**given: object) -> str:
-    """16 hexadecimal digits of everything that a result was made with: parameters, settings, arrays.
-
-    Examples
-    --------
-    >>> one, same, other = (digest(speed=v, at=np.arange(n)) for v, n in ((1.0, 3), (1.0, 3), (1.0, 4)))
-    >>> len(one), one == same, one == other
-    (16, True, False)
-    """
-    return _digest(_plain(given))[:16]
+def entry_document(entry: Entry) -> bytes:
+    """An entry as JSON of the current schema; equal entries give equal bytes."""
+    body: dict[str, Any] = asdict(entry) | {"schema": SCHEMA}
+    body["key"]["day"] = entry.day.isoformat()
+    return canonical_json(body | {_CHECKSUM: digest(body)}) + b"\n"
 
 
-def document(entry: Entry) -> bytes:
-    """An entry as JSON, the same bytes for the same entry."""
-    body = {"schema": SCHEMA, **asdict(entry)}
-    body["place"]["day"] = entry.day.isoformat()
-    return _canonical(body | {_CHECKSUM: _digest(body)}) + b"\n"
-
-
-def parsed(content: bytes, path: str) -> Entry:
-    """The entry in a file.
+def parse_entry(content: bytes, path: str) -> Entry:
+    """Parse an entry's document, of the current schema or an earlier one.
 
     Parameters
     ----------
-    path : of the file, for messages
+    content : the document
+    path : path of the file below the store's root
 
     Raises
     ------
-    FileError : it is damaged, or of a newer schema.
+    FileError : the document is damaged, of a newer schema, or belongs to another path.
     """
     try:
         body = json.loads(content)
-        whole = body.pop(_CHECKSUM) == _digest(body)
+        intact = body.pop(_CHECKSUM) == digest(body)
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
         raise FileError(
-            f"{path}: no whole entry; see what trackprofile store verify says."
+            f"{path}: the entry is incomplete; run trackprofile store verify."
         ) from error
-    if not whole:
-        raise FileError(f"{path}: the entry was changed; see what trackprofile store verify says.")
+    if not intact:
+        raise FileError(
+            f"{path}: the entry does not match its checksum; run trackprofile store verify."
+        )
     if not isinstance(body.get("schema"), int) or body["schema"] > SCHEMA:
         raise FileError(
-            f"{path}: an entry of schema {body.get('schema')!r}, this version knows up to {SCHEMA}; update it."
+            f"{path}: the entry has schema {body.get('schema')!r}, this version reads schemas up to {SCHEMA}; update "
+            "trackprofile."
         )
     try:
         entry = _entry(body)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise FileError(f"{path}: not an entry as this version knows it ({error}).") from error
+        raise FileError(
+            f"{path}: the entry does not have the expected content ({error}); remove it, and add the pass again."
+        ) from error
     if entry.path(ENTRIES) != path or set(entry.files) != set(DATA):
         raise FileError(
-            f"{path}: the entry does not belong there; remove it, and add the pass again."
+            f"{path}: the entry does not belong at this path; remove it, and add the pass again."
         )
     return entry
 
 
-def _entry(body: Mapping[str, Any]) -> Entry:
-    place = body["place"]
+def _entry(body: dict[str, Any]) -> Entry:
+    if body["schema"] == 1:
+        body = body | {name: body[old] for name, old in _NAMES_OF_SCHEMA_1.items()}
+    key = body["key"]
     return Entry(
         id=body["id"],
-        place=PassKey(
-            place["line"], place["direction"], date.fromisoformat(place["day"]), place["run"]
-        ),
+        key=PassKey(key["line"], key["direction"], date.fromisoformat(key["day"]), key["run"]),
         origin=Origin(**body["origin"]),
         kind=body["kind"],
         start=float(body["start"]),
         end=float(body["end"]),
         points=int(body["points"]),
-        known=float(body["known"]),
-        deviations=dict(body["deviations"]),
+        known_share=float(body["known_share"]),
+        standard_deviations=dict(body["standard_deviations"]),
         defects={one.words: int(body["defects"][one.words]) for one in Action},
         notes=tuple(body["notes"]),
         files={name: StoredFile(**one) for name, one in body["files"].items()},
+        schema=body["schema"],
     )
 
 
 def file_checksum(content: bytes) -> StoredFile:
-    """How to know a file's content again."""
-    return StoredFile(len(content), hashlib.sha256(content).hexdigest())
-
-
-def _plain(value: Any) -> Any:
-    """As JSON can hold it."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return [
-            type(value).__name__,
-            {one.name: _plain(getattr(value, one.name)) for one in fields(value)},
-        ]
-    if isinstance(value, np.ndarray | np.generic):
-        return [value.dtype.str, _plain(value.tolist())]
-    if isinstance(value, Mapping):
-        return [[_plain(key), _plain(one)] for key, one in value.items()]
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    return repr(value)
-
-
-def _canonical(value: Any) -> bytes:
-    said = json.dumps(
-        value, ensure_ascii=True, allow_nan=False, sort_keys=True, separators=(",", ":")
-    )
-    return said.encode("ascii")
-
-
-def _digest(value: Any) -> str:
-    return hashlib.sha256(_canonical(value)).hexdigest()
+    """Checksum of a file's content."""
+    return StoredFile(len(content), digest_bytes(content))

@@ -1,8 +1,7 @@
-"""Where what stands in a store, and how a place is named in its paths.
+"""Folders and file names of a store.
 
-``<table>/line=L/direction=D/day=YYYY-MM-DD/<entry>.parquet``: names of lines and directions are data, whatever
-signs they are made of; in a path everything but letters, digits and ``-._~`` is percent-encoded, as Hive and
-DuckDB read it.
+``<table>/line=L/direction=D/day=YYYY-MM-DD/<entry>.parquet``: names of lines and directions are data and may hold any
+characters; in a path everything but letters, digits and ``-._~`` is percent-encoded, as Hive and DuckDB expect.
 """
 
 from __future__ import annotations
@@ -14,22 +13,26 @@ from urllib.parse import quote
 
 from trackprofile.errors import DataError
 
-SCHEMA = 1
-"""Of what this version writes; it refuses stores of a newer one."""
+SCHEMA = 2
+"""Schema that this version writes; it reads all earlier ones and refuses later ones.
+
+Schema 1 identified a recording by the digest of its arrays, estimated positions included (`Origin.fingerprint` of
+schema 2), and named three keys of an entry differently.
+"""
 
 PROFILES, OVERVIEWS, ENTRIES = "profiles", "overviews", "entries"
 TABLES = ("defects", "sections", "not_assessed", "spectra")
-"""Of an assessment, as of `trackprofile.assessment.tables`."""
+"""Tables of an assessment, as in `trackprofile.assessment.tables`."""
 
 DATA = (PROFILES, OVERVIEWS, *TABLES)
-"""Of which every entry has one file each."""
+"""Folders in which every entry has one file."""
 
 INDEX = "index"
-"""Of the entries gathered in one file."""
+"""Folder of the index, one file with all entries."""
 
 STORE_FILE = "store.json"
 
-_LONGEST = 200  # B of an encoded name: file systems end at 255
+_MAX_ENCODED_LENGTH = 200  # B of an encoded name: file systems allow 255
 
 _PART = r"line=[^/]+/direction=[^/]+/day=\d{4}-\d{2}-\d{2}/"
 _ID = r"[0-9a-f]{16}-[0-9a-f]{16}"
@@ -39,26 +42,26 @@ ENTRY_PATH = re.compile(rf"{ENTRIES}/{_PART}{_ID}\.json")
 UNFINISHED_PATH = re.compile(
     rf"(\w+/{_PART}\.{_ID}|{INDEX}/\.[0-9a-f]{{64}}|\.store)\.[0-9a-f]{{8}}\.(parquet|json)"
 )
-"""A file that a writer has not ended, as `trackprofile.io.atomic` names it."""
+"""Temporary name of a file that a writer has not finished, as `trackprofile.io.atomic` names it."""
 
 
 @dataclass(frozen=True)
 class PassKey:
-    """Which track was passed, and when.
+    """What identifies a pass: the track and the time of the run.
 
     Parameters
     ----------
-    line, direction : in words, any signs
-    day : of the pass
-    run : what tells it from the other passes of that day, such as ``06:12`` or the train's number
+    line, direction : names, any characters
+    day : day of the pass
+    run : distinguishes the passes of a day, for example ``06:12`` or the train's number
 
     Raises
     ------
-    DataError : a name is empty or too long, or the day is none.
+    DataError : a name is empty or too long, or the day is not a date.
 
     Examples
     --------
-    >>> Place("Main / North", "up", date(2026, 5, 1)).folder("profiles")
+    >>> PassKey("Main / North", "up", date(2026, 5, 1)).folder("profiles")
     'profiles/line=Main%20%2F%20North/direction=up/day=2026-05-01'
     """
 
@@ -71,34 +74,37 @@ class PassKey:
         for what, name in (("line", self.line), ("direction", self.direction)):
             if not name:
                 raise DataError(f"A pass needs the name of its {what}; give one.")
-            if len(encoded(name, what)) > _LONGEST:
+            if len(encoded(name, what)) > _MAX_ENCODED_LENGTH:
                 raise DataError(
-                    f"The {what}'s name {name[:20]!r}... takes more than {_LONGEST} bytes in a path; shorten it."
+                    f"The name of the {what}, {name[:20]!r}..., takes more than {_MAX_ENCODED_LENGTH} bytes in a path; "
+                    "shorten it."
                 )
         encoded(self.run, "run")
-        if type(self.day) is not date:  # a datetime is one too
+        if type(self.day) is not date:  # a datetime is a date too
             raise DataError(
-                f"A pass needs the day it was on, got {self.day!r}; its time is its run."
+                f"A pass needs the date of its day, got {self.day!r}; give its time as the run."
             )
 
     def folder(self, table: str) -> str:
-        """Of a table's files of this place and day."""
+        """Folder of a table's files of this line, direction and day."""
         line, direction = encoded(self.line, "line"), encoded(self.direction, "direction")
         return f"{table}/line={line}/direction={direction}/day={self.day.isoformat()}"
 
     def path(self, table: str, entry: str) -> str:
-        """Of an entry's file."""
+        """Path of an entry's file of a table."""
         return f"{self.folder(table)}/{entry}.{'json' if table == ENTRIES else 'parquet'}"
 
 
 def encoded(name: str, what: str = "name") -> str:
-    """A name as it stands in a path.
+    """A name with percent-encoding, as in paths.
 
     Raises
     ------
-    DataError : it is no text, but half of a sign.
+    DataError : the name is not valid Unicode text.
     """
     try:
         return quote(name, safe="")
     except UnicodeEncodeError as error:
-        raise DataError(f"The {what}'s name {name!r} is no text; give it in Unicode.") from error
+        raise DataError(
+            f"The name of the {what}, {name!r}, is not valid Unicode text; correct it."
+        ) from error

@@ -1,7 +1,7 @@
-"""The few things that a store asks of where it lies: a folder here, or anything that fsspec reaches.
+"""File operations of a store, on a local folder or on any file system that fsspec supports.
 
-A file appears under its name whole: here by writing beside it and renaming, after its bytes have reached the disk; on
-an object store because a put is one step.
+A file appears under its name complete: locally it is written under a temporary name, flushed to the disk and renamed;
+on an object store one put is atomic.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from typing import IO, Any, Protocol
 from trackprofile.errors import FileError
 from trackprofile.io.atomic import whole_files
 
-_TRIES = 5  # to make a folder that another removes because it is empty
+_MAX_ATTEMPTS = 5  # to create a folder that another process removes because it is empty
 
 
 @dataclass(frozen=True)
-class FoundFile:
-    """A file that a listing shows.
+class FileInfo:
+    """A file in a listing.
 
     Parameters
     ----------
-    path : below the root, parts joined by ``/``
+    path : path below the root, parts joined by ``/``
     size : [B]
-    stamp : changes when the file is replaced
-    modified : s since 1970, None where the place does not tell
+    stamp : text that changes when the file is replaced
+    modified : seconds since 1970, None if the file system does not provide it
     """
 
     path: str
@@ -40,9 +40,9 @@ class FoundFile:
 
 
 class Files(Protocol):
-    """Where a store lies; every path is below its root, its parts joined by ``/``."""
+    """Access to the files of a store; every path is below its root, its parts joined by ``/``."""
 
-    def listing(self, folder: str) -> Iterator[FoundFile]: ...
+    def listing(self, folder: str) -> Iterator[FileInfo]: ...
     def read(self, path: str) -> bytes: ...
     def open(self, path: str) -> IO[bytes]: ...
     def put(self, path: str, content: bytes) -> None: ...
@@ -52,16 +52,16 @@ class Files(Protocol):
 
 @dataclass(frozen=True)
 class LocalFiles:
-    """A folder of this machine."""
+    """A local folder."""
 
     root: str
 
-    def listing(self, folder: str) -> Iterator[FoundFile]:
-        """All files below a folder, hidden ones too; none where there is no such folder."""
-        place = os.path.join(self.root, folder)
+    def listing(self, folder: str) -> Iterator[FileInfo]:
+        """All files below a folder, hidden ones included; none if the folder does not exist."""
+        location = os.path.join(self.root, folder)
         try:
-            with _told(place):
-                entries = sorted(os.scandir(place), key=lambda one: one.name)
+            with _read_errors(location):
+                entries = sorted(os.scandir(location), key=lambda one: one.name)
         except (FileNotFoundError, NotADirectoryError):
             return
         for one in entries:
@@ -71,29 +71,31 @@ class LocalFiles:
                 continue
             try:
                 stat = one.stat(follow_symlinks=False)
-            except FileNotFoundError:  # removed since
+            except FileNotFoundError:  # removed since the scan
                 continue
-            yield FoundFile(path, stat.st_size, str(stat.st_mtime_ns), stat.st_mtime)
+            yield FileInfo(path, stat.st_size, str(stat.st_mtime_ns), stat.st_mtime)
 
     def read(self, path: str) -> bytes:
-        """Its content; FileNotFoundError where there is none."""
-        with _told(f"{self.root}/{path}"):
+        """Content of a file; FileNotFoundError if it does not exist."""
+        with _read_errors(f"{self.root}/{path}"):
             return Path(self.root, path).read_bytes()
 
     def open(self, path: str) -> IO[bytes]:
-        """To read from, anywhere in it; FileNotFoundError where there is none."""
-        with _told(f"{self.root}/{path}"):
+        """Open a file for random access; FileNotFoundError if it does not exist."""
+        with _read_errors(f"{self.root}/{path}"):
             return Path(self.root, path).open("rb")
 
     def put(self, path: str, content: bytes) -> None:
-        """Write a file, in the place of one of the same name if there is one."""
+        """Write a file, replacing an existing one."""
         target = Path(self.root, path)
-        for left in reversed(range(_TRIES)):
+        for remaining in reversed(range(_MAX_ATTEMPTS)):
             try:
                 target.parent.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 reason = error.strerror or error
-                raise FileError(f"{target.parent}: cannot be made ({reason}).") from error
+                raise FileError(
+                    f"{target.parent}: the folder cannot be created ({reason}); check its permissions."
+                ) from error
             try:
                 with whole_files(target) as (part,), part.open("wb") as file:
                     file.write(content)
@@ -102,15 +104,15 @@ class LocalFiles:
                 _sync_folder(target.parent)
                 return
             except FileError:
-                if target.parent.is_dir() or not left:
+                if target.parent.is_dir() or not remaining:
                     raise
 
     def remove(self, path: str) -> None:
-        """Remove a file, if it is there."""
+        """Remove a file, if it exists."""
         Path(self.root, path).unlink(missing_ok=True)
 
     def remove_empty_folders(self, before: float) -> None:
-        """Remove folders that hold nothing and were last changed before a time (s since 1970)."""
+        """Remove empty folders that were last changed before a time (seconds since 1970)."""
         for folder, _, _ in os.walk(self.root, topdown=False):
             if folder == self.root or os.stat(folder).st_mtime > before:
                 continue
@@ -120,67 +122,69 @@ class LocalFiles:
 
 @dataclass(frozen=True)
 class RemoteFiles:
-    """What stands below a URL; every call goes through fsspec."""
+    """Files below a URL, through fsspec."""
 
     system: Any
     root: str
 
-    def listing(self, folder: str) -> Iterator[FoundFile]:
-        """All files below a folder; none where there is no such folder."""
+    def listing(self, folder: str) -> Iterator[FileInfo]:
+        """All files below a folder; none if the folder does not exist."""
         self.system.invalidate_cache()
-        with _told(self._whole(folder)):
-            found = self.system.find(self._whole(folder), detail=True)
-        for path, about in sorted(found.items()):
-            modified = next((about[key] for key in _MODIFIED if about.get(key) is not None), None)
-            yield FoundFile(
+        with _read_errors(self._full_path(folder)):
+            details = self.system.find(self._full_path(folder), detail=True)
+        for path, detail in sorted(details.items()):
+            modified = next(
+                (detail[key] for key in _MODIFIED_KEYS if detail.get(key) is not None), None
+            )
+            yield FileInfo(
                 str(PurePosixPath(path).relative_to(self.root)),
-                int(about.get("size") or 0),
-                str(about.get("ETag") or modified),
+                int(detail.get("size") or 0),
+                str(detail.get("ETag") or modified),
                 _seconds(modified),
             )
 
     def read(self, path: str) -> bytes:
-        """Its content; FileNotFoundError where there is none."""
-        with _told(self._whole(path)):
-            return self.system.cat_file(self._whole(path))
+        """Content of a file; FileNotFoundError if it does not exist."""
+        with _read_errors(self._full_path(path)):
+            return self.system.cat_file(self._full_path(path))
 
     def open(self, path: str) -> IO[bytes]:
-        """To read from, anywhere in it; FileNotFoundError where there is none."""
-        with _told(self._whole(path)):
-            return self.system.open(self._whole(path), "rb")
+        """Open a file for random access; FileNotFoundError if it does not exist."""
+        with _read_errors(self._full_path(path)):
+            return self.system.open(self._full_path(path), "rb")
 
     def put(self, path: str, content: bytes) -> None:
-        """Write a file, in the place of one of the same name if there is one."""
-        whole = self._whole(path)
+        """Write a file, replacing an existing one."""
+        full_path = self._full_path(path)
         try:
-            self.system.makedirs(str(PurePosixPath(whole).parent), exist_ok=True)
-            self.system.pipe_file(whole, content)
+            self.system.makedirs(str(PurePosixPath(full_path).parent), exist_ok=True)
+            self.system.pipe_file(full_path, content)
         except OSError as error:
             raise FileError(
-                f"{whole}: cannot be written ({error.strerror or error}); see that it may be."
+                f"{full_path}: cannot be written ({error.strerror or error}); check its permissions."
             ) from error
 
     def remove(self, path: str) -> None:
-        """Remove a file, if it is there."""
-        if self.system.exists(self._whole(path)):
-            self.system.rm_file(self._whole(path))
+        """Remove a file, if it exists."""
+        if self.system.exists(self._full_path(path)):
+            self.system.rm_file(self._full_path(path))
 
     def remove_empty_folders(self, before: float) -> None:
-        """Nothing: where folders are more than a part of names, they do no harm."""
+        """Do nothing: in object stores folders are parts of names, and elsewhere empty ones do no harm."""
 
-    def _whole(self, path: str) -> str:
+    def _full_path(self, path: str) -> str:
         return f"{self.root}/{path}" if path else self.root
 
 
-_MODIFIED = ("mtime", "LastModified", "last_modified", "updated", "created")
+_MODIFIED_KEYS = ("mtime", "LastModified", "last_modified", "updated", "created")
 
 
 def files_at(url: str) -> Files:
-    """The files at a path of this machine, or at a URL.
+    """Files below a local path or a URL.
 
     Raises
     ------
-    FileError : the libraries for such a URL are not there, or it is of an unknown kind.
+    FileError : the URL's file system is unknown, or its library is not installed.
     """
     if not re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", url):
         return LocalFiles(os.path.abspath(url))
@@ -190,28 +194,32 @@ def files_at(url: str) -> Files:
         import fsspec
     except ImportError as error:
         raise FileError(
-            f"{url}: a store that is no local folder needs more: pip install 'trackprofile[network]'."
+            f"{url}: a store that is not a local folder needs fsspec: pip install 'trackprofile[network]'."
         ) from error
     try:
         system, root = fsspec.url_to_fs(url)
     except (ImportError, ValueError) as error:
-        raise FileError(f"{url}: no library here reaches that ({error}).") from error
+        raise FileError(
+            f"{url}: no installed library supports this URL ({error}); install it, or correct the URL."
+        ) from error
     return RemoteFiles(system, str(root).rstrip("/"))
 
 
 @contextmanager
-def _told(path: str) -> Iterator[None]:
-    """What cannot be read though it is there is told as ours."""
+def _read_errors(path: str) -> Iterator[None]:
+    """Turn errors of the system into `FileError`, except that of a missing file."""
     try:
         yield
     except (FileNotFoundError, NotADirectoryError):
         raise
     except OSError as error:
-        raise FileError(f"{path}: cannot be read ({error.strerror or error}).") from error
+        raise FileError(
+            f"{path}: cannot be read ({error.strerror or error}); check its permissions."
+        ) from error
 
 
 def _sync_folder(folder: Path) -> None:
-    """See that names in a folder outlast a loss of power."""
+    """Flush the names in a folder to the disk, so that they survive a loss of power."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -220,7 +228,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _seconds(modified: Any) -> float | None:
-    """s since 1970, of what a file system calls the time of a change."""
+    """Seconds since 1970 of a file system's modification time."""
     if modified is None or isinstance(modified, str):
         return None
     if isinstance(modified, int | float):

@@ -1,4 +1,4 @@
-"""Reading what a pass has in the store: no more of it than is needed."""
+"""Reading the profile and the tables of a pass, or a stretch of them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from trackprofile.contracts import append_provenance, build_profile
 from trackprofile.errors import DataError, FileError, TrackprofileError
-from trackprofile.store.columns import ATTRIBUTES, LEVEL, SPREAD
+from trackprofile.store.columns import LEVEL, METADATA_KEY, STANDARD_DEVIATION
 from trackprofile.store.entry import Entry
 from trackprofile.store.layout import PROFILES, TABLES
 from trackprofile.store.store import Store
+
+_REMEDY = "run trackprofile store verify, remove the file with its entry, and add the pass again"
 
 
 def read_columns(
@@ -32,42 +34,46 @@ def read_columns(
     table: str = PROFILES,
     optional: Sequence[str] = (),
 ) -> dict[str, NDArray[Any]]:
-    """Columns of a pass between two places, both included; numbers that are not known are NaN.
-
-    ``distance_m`` is among them, whatever is asked for.
+    """Columns of a pass on a stretch, both ends included; unknown numbers are NaN.
 
     Parameters
     ----------
-    names : as of `trackprofile.store.columns`, such as ``level_D1_m``
-    start, end : [m]
+    store, entry : the pass
+    names : names of columns, as in `trackprofile.store.columns`, such as ``level_D1_m``; ``distance_m`` is always read
+    start, end : ends of the stretch [m]
     table : ``profiles`` or ``overviews``
-    optional : those of the names that a pass may not have
+    optional : those of the names that a pass may lack
 
     Raises
     ------
     DataError : the pass has no such column.
     FileError : the file is missing or damaged.
     """
-    return _rows(store, entry, names, start, end, table, optional)[0]
+    return _read_table(store, entry, names, (start, end), table=table, optional=optional)[0]
 
 
 def read_profile(
     store: Store, entry: Entry, start: float | None = None, end: float | None = None
 ) -> xr.Dataset:
-    """The profile of a pass, or of a stretch of it with both ends included.
+    """Profile of a pass, or of a stretch of it, both ends included.
+
+    Parameters
+    ----------
+    store, entry : the pass
+    start, end : ends of the stretch [m]; None is the end of the pass
 
     Raises
     ------
-    DataError : fewer than two points lie between start and end.
+    DataError : the stretch has fewer than two points of the pass.
     FileError : the file is missing or damaged.
     """
     low = -np.inf if start is None else start
     high = np.inf if end is None else end
-    columns, attributes = _rows(store, entry, None, low, high, PROFILES, ())
-    if columns["distance_m"].size < 2:
+    columns, attributes = _read_table(store, entry, None, (low, high), table=PROFILES)
+    if (count := columns["distance_m"].size) < 2:
         raise DataError(
-            f"Between {low:g} m and {high:g} m there are {columns['distance_m'].size} points of a pass from "
-            f"{entry.start:g} m to {entry.end:g} m; choose a stretch inside it."
+            f"Between {low:g} m and {high:g} m the pass from {entry.start:g} m to {entry.end:g} m has "
+            f"{count} {'point' if count == 1 else 'points'}; choose a stretch inside it."
         )
     profile = _dataset(columns, attributes)
     if start is None and end is None:
@@ -75,35 +81,37 @@ def read_profile(
     return append_provenance(profile, f"between {low:g} m and {high:g} m")
 
 
-def table(
+def read_table(
     store: Store,
     entries: Iterable[Entry],
     name: str,
     start: float | None = None,
     end: float | None = None,
 ) -> dict[str, list[Any]]:
-    """Rows of an assessment's table of all these passes that touch a stretch.
+    """Rows of a table of the assessments of some passes that overlap a stretch.
 
     Parameters
     ----------
+    store, entries : the passes
     name : one of `trackprofile.store.layout.TABLES`
-    start, end : [m]; None leaves that end open
+    start, end : ends of the stretch [m]; None is open
 
     Returns
     -------
-    columns as of `trackprofile.assessment.tables`, after ``entry``, ``line``, ``direction``, ``day``, ``run``
+    columns as in `trackprofile.assessment.tables`, after ``entry``, ``line``, ``direction``, ``day``, ``run``
 
     Raises
     ------
+    DataError : there is no such table.
     FileError : a file is missing or damaged.
     """
-    parts = [rows_of(store, entry, name, start, end) for entry in entries]
+    parts = [read_table_rows(store, entry, name, start, end) for entry in entries]
     if not parts:
         return {}
     return pa.concat_tables(parts, promote_options="default").to_pydict()
 
 
-def rows_of(
+def read_table_rows(
     store: Store,
     entry: Entry,
     name: str,
@@ -111,7 +119,14 @@ def rows_of(
     end: float | None = None,
     columns: Sequence[str] | None = None,
 ) -> pa.Table:
-    """The same of one pass as an Arrow table; of some columns only, where they are named.
+    """Rows of a table of one pass that overlap a stretch, as an Arrow table.
+
+    Parameters
+    ----------
+    store, entry : the pass
+    name : one of `trackprofile.store.layout.TABLES`
+    start, end : ends of the stretch [m]; None is open
+    columns : names of the columns; None reads all
 
     Raises
     ------
@@ -121,9 +136,9 @@ def rows_of(
     if name not in TABLES:
         raise DataError(f"There is no table {name!r}; choose one of {', '.join(TABLES)}.")
     wanted = None if columns is None else [*dict.fromkeys((*columns, "start_m", "end_m"))]
-    with _opened(store, entry.path(name)) as file:
-        there = file.schema_arrow.names
-        rows = file.read(None if wanted is None else [one for one in wanted if one in there])
+    with _open_parquet(store, entry.path(name)) as file:
+        existing = file.schema_arrow.names
+        rows = file.read(None if wanted is None else [one for one in wanted if one in existing])
         if start is not None:
             rows = rows.filter(pa.array(rows["end_m"].to_numpy() >= start))
         if end is not None:
@@ -134,20 +149,20 @@ def rows_of(
 def defects(
     store: Store, entries: Iterable[Entry], start: float | None = None, end: float | None = None
 ) -> dict[str, list[Any]]:
-    """The isolated defects of all these passes that touch a stretch; see `table`."""
-    return table(store, entries, "defects", start, end)
+    """Isolated defects of some passes that overlap a stretch; see `read_table`."""
+    return read_table(store, entries, "defects", start, end)
 
 
 def sections(
     store: Store, entries: Iterable[Entry], start: float | None = None, end: float | None = None
 ) -> dict[str, list[Any]]:
-    """The sections of all these passes that touch a stretch; see `table`."""
-    return table(store, entries, "sections", start, end)
+    """Sections of some passes that overlap a stretch; see `read_table`."""
+    return read_table(store, entries, "sections", start, end)
 
 
 @contextmanager
-def _opened(store: Store, path: str) -> Iterator[parquet.ParquetFile]:
-    """A Parquet file of a store; what goes wrong in it is told as ours."""
+def _open_parquet(store: Store, path: str) -> Iterator[parquet.ParquetFile]:
+    """Open a Parquet file of a store; turn errors while it is read into `FileError`."""
     try:
         with store.files.open(path) as file:
             yield parquet.ParquetFile(file, page_checksum_verification=True)
@@ -159,54 +174,52 @@ def _opened(store: Store, path: str) -> Iterator[parquet.ParquetFile]:
         raise FileError(f"{store.url}: {path} is damaged; {_REMEDY}.") from error
 
 
-_REMEDY = (
-    "see what trackprofile store verify says, remove it with its entry, and add the pass again"
-)
-
-
-def _rows(
+def _read_table(
     store: Store,
     entry: Entry,
     names: Sequence[str] | None,
-    start: float,
-    end: float,
+    stretch: tuple[float, float],
+    *,
     table: str,
-    optional: Sequence[str],
+    optional: Sequence[str] = (),
 ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    with _opened(store, entry.path(table)) as file:
-        there = file.schema_arrow.names
+    """Columns of a pass on a stretch, all but the band levels if no names are given, and the profile's attributes."""
+    with _open_parquet(store, entry.path(table)) as file:
+        existing = file.schema_arrow.names
         if table == PROFILES and file.metadata.num_rows != entry.points:
             raise FileError(f"{store.url}: {entry.path(table)} is of another pass; {_REMEDY}.")
         if names is None:
-            names = [name for name in there if not name.startswith(LEVEL)]
+            names = [name for name in existing if not name.startswith(LEVEL)]
         names = list(dict.fromkeys(("distance_m", *names)))
-        lacking = [name for name in names if name not in there and name not in optional]
+        lacking = [name for name in names if name not in existing and name not in optional]
         if lacking:
-            raise DataError(f"The pass {entry.id} has no {lacking[0]}; it has {', '.join(there)}.")
-        names = [name for name in names if name in there]
-        found = file.read_row_groups(_groups(file, start, end), columns=names)
-        about = json.loads(file.schema_arrow.metadata[ATTRIBUTES])
-        attributes = about["attributes"] if table == PROFILES else {}
-    columns = {name: found[name].to_numpy() for name in names}
-    distance = columns["distance_m"]
-    inside = slice(
-        np.searchsorted(distance, start, "left"), np.searchsorted(distance, end, "right")
+            raise DataError(
+                f"The pass {entry.id} has no column {lacking[0]}; choose from {', '.join(existing)}."
+            )
+        names = [name for name in names if name in existing]
+        rows = file.read_row_groups(_row_groups(file, *stretch), columns=names)
+        metadata = json.loads(file.schema_arrow.metadata[METADATA_KEY])
+        attributes = metadata["attributes"] if table == PROFILES else {}
+    columns = {name: rows[name].to_numpy() for name in names}
+    start, end = (
+        np.searchsorted(columns["distance_m"], at, side)
+        for at, side in zip(stretch, ("left", "right"), strict=True)
     )
-    return {name: values[inside] for name, values in columns.items()}, attributes
+    return {name: values[start:end] for name, values in columns.items()}, attributes
 
 
 def _dataset(columns: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> xr.Dataset:
-    """The profile contract from its columns: of the mean, and of each rail where they are told apart."""
+    """Profile contract from its columns: the mean, and each rail if the rails are separate."""
     bands = {
-        found[1]: values
+        match[1]: values
         for name, values in columns.items()
-        if (found := re.fullmatch(f"{SPREAD}_(.+)_m", name))
+        if (match := re.fullmatch(f"{STANDARD_DEVIATION}_(.+)_m", name))
     }
     profile = build_profile(
         columns["distance_m"],
         columns["elevation_m"],
         kind=attributes["kind"],
-        standard_deviation=columns.get(f"{SPREAD}_m"),
+        standard_deviation=columns.get(f"{STANDARD_DEVIATION}_m"),
         band_standard_deviations=bands,
         quality=columns["quality"],
         loading=attributes["loading"],
@@ -214,20 +227,21 @@ def _dataset(columns: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any])
     flags, metre = profile["quality"].attrs, {"units": "m"}
     for column, values in columns.items():
         name = column.removesuffix("_m")
-        if name not in profile.variables:
-            about, values = (
-                (flags, values) if name == column else (metre, values.astype(np.float64))
-            )
-            profile[name] = ("distance", values, about)
+        if name in profile.variables:
+            continue
+        if name == column:
+            profile[name] = ("distance", values, flags)
+        else:
+            profile[name] = ("distance", values.astype(np.float64), metre)
     return profile
 
 
-def _groups(file: parquet.ParquetFile, start: float, end: float) -> list[int]:
-    """The row groups that touch a stretch, by the statistics of their distance."""
-    place = file.schema_arrow.get_field_index("distance_m")
-    kept = []
+def _row_groups(file: parquet.ParquetFile, start: float, end: float) -> list[int]:
+    """Row groups that overlap a stretch, by the statistics of their distance."""
+    column = file.schema_arrow.get_field_index("distance_m")
+    selected = []
     for number in range(file.metadata.num_row_groups):
-        told = file.metadata.row_group(number).column(place).statistics
-        if told is None or (told.min <= end and told.max >= start):
-            kept.append(number)
-    return kept
+        statistics = file.metadata.row_group(number).column(column).statistics
+        if statistics is None or (statistics.min <= end and statistics.max >= start):
+            selected.append(number)
+    return selected

@@ -1,4 +1,4 @@
-"""A store: made once, opened ever after."""
+"""Creating and opening a store."""
 
 from __future__ import annotations
 
@@ -9,18 +9,15 @@ from trackprofile.errors import FileError
 from trackprofile.store.layout import SCHEMA, STORE_FILE, UNFINISHED_PATH
 from trackprofile.store.object_files import Files, files_at
 
-HEAD = json.dumps({"schema": SCHEMA}).encode() + b"\n"
-"""What a store's own file says."""
-
 
 @dataclass(frozen=True)
 class Store:
-    """A store that is there.
+    """An existing store.
 
     Parameters
     ----------
-    url : as it was given
-    files : what lies there
+    url : path or URL as it was given
+    files : access to the files below it
     """
 
     url: str
@@ -28,15 +25,15 @@ class Store:
 
 
 def create(url: str) -> Store:
-    """A new store, or the one that is there already.
+    """Create a store, or open the existing one.
 
     Parameters
     ----------
-    url : a folder of this machine, or a URL that fsspec knows, such as ``s3://bucket/passes``
+    url : a local folder, or a URL of a file system that fsspec supports, such as ``s3://bucket/passes``
 
     Raises
     ------
-    FileError : something else is there, or it cannot be written.
+    FileError : the folder holds other files, or is not writable.
 
     Examples
     --------
@@ -45,48 +42,66 @@ def create(url: str) -> Store:
     True
     """
     files = files_at(str(url))
-    if _stated(files) is None:
+    if _store_file(files) is None:
         if any(not UNFINISHED_PATH.fullmatch(one.path) for one in files.listing("")):
-            raise FileError(f"{url}: the folder is no store and not empty; choose another.")
-        files.put(STORE_FILE, HEAD)
+            raise FileError(f"{url}: the folder is not empty and not a store; choose another.")
+        files.put(STORE_FILE, store_file_content(SCHEMA))
     return open_store(url)
 
 
 def open_store(url: str) -> Store:
-    """The store that is there.
+    """Open an existing store, of this schema or an earlier one.
 
     Raises
     ------
-    FileError : there is none, it is damaged, or of a newer schema.
+    FileError : there is no store at the URL, it is damaged, or its schema is newer.
 
     Examples
     --------
     >>> open_store("memory://nowhere")
     Traceback (most recent call last):
-    trackprofile.errors.FileError: memory://nowhere: there is no store; check the place, ...
+    trackprofile.errors.FileError: memory://nowhere: there is no store at this location; check it, ...
     """
     files = files_at(str(url))
-    stated = _stated(files)
-    if stated is None:
+    content = _store_file(files)
+    if content is None:
         raise FileError(
-            f"{url}: there is no store; check the place, or begin one with trackprofile store add."
+            f"{url}: there is no store at this location; check it, or create a store with trackprofile store add."
         )
     try:
-        schema = json.loads(stated)["schema"]
+        schema = json.loads(content)["schema"]
     except (ValueError, KeyError, TypeError) as error:
         raise FileError(
-            f'{url}: {STORE_FILE} is damaged; it should say {{"schema": {SCHEMA}}}.'
+            f'{url}: {STORE_FILE} is damaged; its content should be {{"schema": {SCHEMA}}}.'
         ) from error
     if not isinstance(schema, int) or schema < 1:
-        raise FileError(f"{url}: {STORE_FILE} states schema {schema!r}; expected {SCHEMA}.")
+        raise FileError(f"{url}: {STORE_FILE} has the schema {schema!r}; expected 1 to {SCHEMA}.")
     if schema > SCHEMA:
         raise FileError(
-            f"{url}: a store of schema {schema}, this version knows up to {SCHEMA}; update trackprofile."
+            f"{url}: the store has schema {schema}, this version reads schemas up to {SCHEMA}; update trackprofile."
         )
     return Store(str(url), files)
 
 
-def _stated(files: Files) -> bytes | None:
+def store_file_content(schema: int) -> bytes:
+    """Content of ``store.json``."""
+    return json.dumps({"schema": schema}).encode() + b"\n"
+
+
+def raise_schema(store: Store) -> None:
+    """Set the schema of a store to that of this version, before the first entry of this schema is written.
+
+    Earlier entries remain as they are; versions that know only the earlier schema then refuse the store.
+
+    Raises
+    ------
+    FileError : the store is not writable.
+    """
+    if store.files.read(STORE_FILE) != store_file_content(SCHEMA):
+        store.files.put(STORE_FILE, store_file_content(SCHEMA))
+
+
+def _store_file(files: Files) -> bytes | None:
     try:
         return files.read(STORE_FILE)
     except (FileNotFoundError, NotADirectoryError):

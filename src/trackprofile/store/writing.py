@@ -1,7 +1,8 @@
-"""Adding a pass, whole or not at all, and clearing away what a killed writer left.
+"""Adding a pass atomically, and removing what killed writers left.
 
-The data files come first, each whole under its name; the entry comes last. Whoever dies in between leaves files that no
-entry names, which another try writes again, byte for byte. Two that add the same pass at once write the same.
+The data files are written first, each complete under its name, and the entry last. A writer that is killed in between
+leaves files to which no entry refers; the next attempt writes the same bytes again. Two writers that add the same pass
+at the same time write the same files.
 """
 
 from __future__ import annotations
@@ -21,12 +22,19 @@ from trackprofile.assessment.tables import tables
 from trackprofile.contracts import Quality, has_rate, validate_profile
 from trackprofile.errors import DataError
 from trackprofile.positioning.chainage import ChainageTable
-from trackprofile.store.assessment_tables import table_bytes
-from trackprofile.store.catalogue import entries_of_day, newest
-from trackprofile.store.columns import attributes_of, parquet_bytes, profile_columns
-from trackprofile.store.entry import Entry, Origin, document, entry_id, file_checksum, parsed
+from trackprofile.store.assessment_tables import assessment_table_to_parquet
+from trackprofile.store.catalogue import current_versions, entries_of_day
+from trackprofile.store.columns import columns_to_parquet, json_attributes, profile_columns
+from trackprofile.store.entry import (
+    Entry,
+    Origin,
+    entry_document,
+    entry_id,
+    file_checksum,
+    parse_entry,
+)
 from trackprofile.store.envelopes import overview
-from trackprofile.store.index import rows_below
+from trackprofile.store.index import read_entry_rows
 from trackprofile.store.layout import (
     DATA_PATH,
     ENTRIES,
@@ -36,24 +44,22 @@ from trackprofile.store.layout import (
     UNFINISHED_PATH,
     PassKey,
 )
-from trackprofile.store.store import Store
+from trackprofile.store.recording_conflicts import check_conflict
+from trackprofile.store.store import Store, raise_schema
 
-OVERLAP = 600.0
-"""m that recordings of one run may share: their ends, where a filter settles, twice."""
-
-LIVING = timedelta(days=1)
-"""After which a file that no entry names is taken as left by the dead."""
+ABANDONED_AFTER = timedelta(days=1)
+"""Age from which a file without an entry counts as left by a killed writer."""
 
 
 @dataclass(frozen=True)
 class AddResult:
-    """What came of adding a pass.
+    """Result of adding a pass.
 
     Parameters
     ----------
-    entry : of the pass
-    new : whether it was not there before
-    shown : whether it is the one of its recording that `find` gives, or another version is
+    entry : the pass
+    new : whether the store did not have it before
+    shown : whether it is the current version of its recording, which `find` returns
     """
 
     entry: Entry
@@ -63,36 +69,61 @@ class AddResult:
 
 def add(
     store: Store,
-    place: PassKey,
+    key: PassKey,
     profile: xr.Dataset,
     assessment: Assessment,
     origin: Origin,
     *,
-    way: ChainageTable | None = None,
+    chainage: ChainageTable | None = None,
 ) -> AddResult:
-    """Store a pass: its profile, its assessment, and from what and how both were made.
+    """Store a pass: its profile, its assessment, and from which recording and how both were computed.
 
-    The same recording, made in the same way, is one entry however often it is added. Made in another way it is a new
-    version beside the first. It is safe beside other writers, and if it is killed at any moment.
+    The same recording, processed in the same way, is one entry however often it is added; processed in another way it
+    is a new version. Concurrent writers and a kill at any time are safe.
 
     Parameters
     ----------
-    place : which track, and when
-    profile : the profile contract; its distance is the chainage of the line
-    assessment : of that profile
-    origin : what it was made from
-    way : kilometre posts and coordinates, for the tables
+    store : the store
+    key : line, direction, day and run
+    profile : profile contract; its distance is the chainage of the line
+    assessment : assessment of that profile
+    origin : recording and settings
+    chainage : kilometre posts and coordinates, for the tables
 
     Raises
     ------
-    DataError : it is a line made of many passes; another recording is there of the same run over the same track; or
-        this one is there over another stretch; or the assessment is of another profile. Nothing is written.
-    FileError : the store cannot be read or written.
+    DataError : the profile is a fused one; the store has another recording of the same run over the same track, or
+        another stretch of this recording as the same run; or the assessment is of another profile. Nothing is written.
+    FileError : the store is not readable or writable.
     """
+    start, end = _checked_ends(profile, assessment)
+    existing = entries_of_day(store, key)
+    identifier = entry_id(key, origin)
+    same = next((one for one in existing if one.id == identifier), None)
+    check_conflict(existing, key, origin, start, end)
+    if same is not None:
+        if (same.start, same.end) != (start, end):
+            raise DataError(
+                f"The pass {identifier} is stored from {same.start:g} m to {same.end:g} m, not from {start:g} m to "
+                f"{end:g} m; give the other stretch of the recording its own run."
+            )
+        return AddResult(same, False, same.path(ENTRIES) in current_versions(existing))
+    contents = _contents(identifier, key, profile, assessment, chainage or ChainageTable())
+    entry = _entry(identifier, key, origin, profile, assessment, contents)
+    raise_schema(store)
+    for table, content in contents.items():
+        store.files.put(entry.path(table), content)
+    store.files.put(entry.path(ENTRIES), entry_document(entry))
+    return AddResult(entry, True, entry.path(ENTRIES) in current_versions((*existing, entry)))
+
+
+def _checked_ends(profile: xr.Dataset, assessment: Assessment) -> tuple[float, float]:
+    """Ends of a profile that can be stored with this assessment [m]."""
     validate_profile(profile)
     if has_rate(profile):
         raise DataError(
-            "This is a line made of many passes. A store keeps the passes: add those, and fuse --store makes the line."
+            "The profile is a fused one, and a store keeps single passes; add the passes, and fuse them with fuse "
+            "--store."
         )
     distance = profile["distance"].to_numpy()
     start, end = float(distance[0]), float(distance[-1])
@@ -101,112 +132,73 @@ def add(
             f"The assessment is from {assessment.start:g} m to {assessment.end:g} m, the profile from {start:g} m to "
             f"{end:g} m; assess the profile that is to be stored."
         )
-    there = entries_of_day(store, place)
-    name = entry_id(place, origin)
-    same = next((one for one in there if one.id == name), None)
-    check_claim(there, place, origin.recording, start, end)
-    if same is not None:
-        if (same.start, same.end) != (start, end):
-            raise DataError(
-                f"The pass {name} is stored from {same.start:g} m to {same.end:g} m, not from {start:g} m to "
-                f"{end:g} m; give the other stretch of the recording a run of its own."
-            )
-        return AddResult(same, False, same.path(ENTRIES) in newest(there))
-    contents = _contents(name, place, profile, assessment, way or ChainageTable())
-    entry = _entry(name, place, origin, profile, assessment, contents)
-    for table, content in contents.items():
-        store.files.put(entry.path(table), content)
-    store.files.put(entry.path(ENTRIES), document(entry))
-    return AddResult(entry, True, entry.path(ENTRIES) in newest((*there, entry)))
+    return start, end
 
 
-def check_claim(
-    there: tuple[Entry, ...], place: PassKey, recording: str, start: float, end: float
-) -> None:
-    """Refuse a second recording of one run over the same track.
-
-    Two recordings contradict each other if they state the same line, direction, day and run, and share more track than
-    `OVERLAP`, or than half of the shorter of both.
-
-    Parameters
-    ----------
-    there : entries of that day
-    place, recording : what is to be stored
-    start, end : of its profile [m]
-
-    Raises
-    ------
-    DataError : an entry contradicts it.
-    """
-    for one in there:
-        if one.origin.recording == recording or one.place != place:
-            continue
-        shared = min(end, one.end) - max(start, one.start)
-        if shared > min(OVERLAP, (end - start) / 2, (one.end - one.start) / 2):
-            run = f"run {place.run!r}" if place.run else "a run without a name"
-            raise DataError(
-                f"{place.line}, {place.direction}, {place.day}, {run}: the store has another recording "
-                f"({one.origin.source or one.origin.recording[:16]}) of {shared:.0f} m of this track; "
-                "give each pass of a day its run, or leave one out."
-            )
-
-
-def clean(store: Store, older: timedelta = LIVING) -> tuple[str, ...]:
+def clean(store: Store, older: timedelta = ABANDONED_AFTER) -> tuple[str, ...]:
     """Remove what killed writers left unfinished.
 
     Parameters
     ----------
-    older : than that, a file that no entry names is taken as left; 0 where nobody writes
+    store : the store
+    older : age from which a file without an entry is removed; 0 if no writer is active
 
     Returns
     -------
-    what was removed, as paths below the store's root
+    paths of the removed files, below the store's root
 
     Raises
     ------
-    FileError : an entry is damaged: what it names cannot be told. Nothing was removed.
+    FileError : an entry is damaged, so that its files are unknown. Nothing is removed.
     """
     before = time.time() - older.total_seconds() if older else math.inf
-    found = tuple(store.files.listing(""))
-    named = {
-        path for row in rows_below(store, ENTRIES) for path in parsed(row.document, row.path).paths
+    files = tuple(store.files.listing(""))
+    referenced = {
+        path
+        for row in read_entry_rows(store, ENTRIES)
+        for path in parse_entry(row.document, row.path).paths
     }
-    left = []
-    for one in found:
-        unnamed = DATA_PATH.fullmatch(one.path) and one.path not in named
+    removed = []
+    for one in files:
+        unreferenced = DATA_PATH.fullmatch(one.path) and one.path not in referenced
         old = before == math.inf or (one.modified is not None and one.modified <= before)
-        if old and (unnamed or UNFINISHED_PATH.fullmatch(one.path)):
+        if old and (unreferenced or UNFINISHED_PATH.fullmatch(one.path)):
             store.files.remove(one.path)
-            left.append(one.path)
+            removed.append(one.path)
     store.files.remove_empty_folders(before)
-    return tuple(left)
+    return tuple(removed)
 
 
 def _contents(
-    name: str, place: PassKey, profile: xr.Dataset, assessment: Assessment, way: ChainageTable
+    identifier: str,
+    key: PassKey,
+    profile: xr.Dataset,
+    assessment: Assessment,
+    chainage: ChainageTable,
 ) -> dict[str, bytes]:
-    """All data files of a pass, by their table."""
+    """Content of all data files of a pass, by table."""
     columns = profile_columns(profile, assessment.levels)
-    about = {
+    metadata = {
         "schema": SCHEMA,
-        "entry": name,
-        "line": place.line,
-        "direction": place.direction,
-        "day": place.day.isoformat(),
-        "run": place.run,
+        "entry": identifier,
+        "line": key.line,
+        "direction": key.direction,
+        "day": key.day.isoformat(),
+        "run": key.run,
     }
+    attributes = {"attributes": json_attributes(profile)}
     contents = {
-        PROFILES: parquet_bytes(columns, about | {"attributes": attributes_of(profile)}),
-        OVERVIEWS: parquet_bytes(overview(columns), about),
+        PROFILES: columns_to_parquet(columns, metadata | attributes),
+        OVERVIEWS: columns_to_parquet(overview(columns), metadata),
     }
-    for table, rows in tables(assessment, way).items():
-        contents[table] = table_bytes(rows, name, place)
+    for table, rows in tables(assessment, chainage).items():
+        contents[table] = assessment_table_to_parquet(rows, identifier, key)
     return contents
 
 
 def _entry(
-    name: str,
-    place: PassKey,
+    identifier: str,
+    key: PassKey,
     origin: Origin,
     profile: xr.Dataset,
     assessment: Assessment,
@@ -220,18 +212,18 @@ def _entry(
         for one in stated
         if not gap.all()
     }
-    likely = [one.likely for one in assessment.defects]
+    probable = [one.likely for one in assessment.defects]
     return Entry(
-        id=name,
-        place=place,
+        id=identifier,
+        key=key,
         origin=origin,
         kind=str(profile.attrs["kind"]),
         start=assessment.start,
         end=assessment.end,
         points=gap.size,
-        known=float(1 - gap.mean()),
-        deviations=medians,
-        defects={action.words: likely.count(action) for action in Action},
+        known_share=float(1 - gap.mean()),
+        standard_deviations=medians,
+        defects={action.words: probable.count(action) for action in Action},
         notes=tuple(assessment.notes),
         files={table: file_checksum(content) for table, content in contents.items()},
     )
