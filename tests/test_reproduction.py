@@ -1,4 +1,4 @@
-"""The paper's cases, the studies of them, and the page that shows them."""
+"""The cases of the paper, the studies of them, and the report."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from trackprofile.reproduction.studies import (
 )
 
 
-def test_every_printed_number_is_what_the_package_runs_with() -> None:
+def test_every_printed_number_is_the_one_that_the_package_uses() -> None:
     sections = settings()
     assert [one.key for one in sections] == [f"table-{n}" for n in range(1, 7)]
     for section in sections:
@@ -45,19 +45,19 @@ def test_every_printed_number_is_what_the_package_runs_with() -> None:
             assert ratio == pytest.approx(1.0)
 
 
-def test_search_s_grid_tends_to_the_fine_simulation() -> None:
+def test_signals_on_the_search_grid_agree_with_the_fine_simulation() -> None:
     case = bell()
     own, fine = search_grid_signals(case), fine_signals(case)
     assert own.shape == fine.shape == (801, 1)
     assert np.linalg.norm(own - fine) < 2e-3 * np.linalg.norm(fine)
 
 
-def test_lead_adds_track_before_and_after_and_moves_nothing() -> None:
+def test_lead_adds_track_before_and_after_without_changing_the_signals() -> None:
     case = bell()
-    led = with_lead(case)
-    assert led.position[0] == -100.0
-    assert led.position[-1] == pytest.approx(120.0)
-    longer = fine_signals(led)
+    extended = with_lead(case)
+    assert extended.position[0] == -100.0
+    assert extended.position[-1] == pytest.approx(120.0)
+    longer = fine_signals(extended)
     own = fine_signals(case)
     np.testing.assert_allclose(longer[4000:4801], own, atol=1e-6 * np.abs(own).max())
 
@@ -66,27 +66,27 @@ def test_instruments_add_their_noise() -> None:
     case = shortened(model_b("fra-6"), 40.0)
     still = np.zeros((case.scans + 1, 2))
     noisy = case_recording(case, still, instruments("B"), seed=1)
-    spread = float(noisy["acceleration"].std())
+    deviation = float(noisy["acceleration"].std())
     density = instruments("B")[0].sensor.noise_density
     assert density is not None
-    assert spread == pytest.approx(density * np.sqrt(0.5 / case.step), rel=0.1)
+    assert deviation == pytest.approx(density * np.sqrt(0.5 / case.step), rel=0.1)
 
 
-def test_errors_grow_with_newmark_and_hardly_above_the_leading_axle() -> None:
+def test_errors_grow_much_faster_with_newmark_than_with_wilson() -> None:
     case = shortened(model_b("fra-6"), 40.0)
-    by_wilson = error_growth(case, wilson(case.step), 10)
-    assert 1.2 < by_wilson < 3.0
+    with_wilson = error_growth(case, wilson(case.step), 10)
+    assert 1.2 < with_wilson < 3.0
     assert error_growth(case, newmark(case.step), 10) > 1e3
 
 
-def test_search_finds_the_first_metres_of_model_b() -> None:
+def test_search_recovers_the_first_metres_of_model_b() -> None:
     case = shortened(model_b("fra-4"), 15.0)
-    done = run_search(case, search_grid_signals(case), TABLE_6)
-    assert np.abs(done.error).max() < 1e-6
-    assert done.rate > 0
+    study = run_search(case, search_grid_signals(case), TABLE_6)
+    assert np.abs(study.error).max() < 1e-6
+    assert study.rate > 0
 
 
-def test_error_in_a_band_is_that_of_its_wave() -> None:
+def test_band_rms_is_that_of_a_sine_in_the_band() -> None:
     place = np.linspace(0.0, 200.0, 2001)
     error = 1e-3 * np.sin(2 * np.pi * place / 10.0)
     found = band_rms(place, error)
@@ -95,7 +95,7 @@ def test_error_in_a_band_is_that_of_its_wave() -> None:
     assert band_rms(place[:400], error[:400])["D1"] is None
 
 
-def test_parabola_is_what_an_unknown_offset_leaves() -> None:
+def test_without_parabola_removes_offset_slope_and_curvature() -> None:
     place = np.linspace(5.0, 25.0, 100)
     wave = np.sin(place)
     np.testing.assert_allclose(
@@ -106,12 +106,12 @@ def test_parabola_is_what_an_unknown_offset_leaves() -> None:
 
 
 @pytest.mark.parametrize(("depth", "centre"), [(40e-3, 100.0), (25e-3, 93.0)])
-def test_dip_is_found_on_a_slope(depth: float, centre: float) -> None:
+def test_bell_is_fitted_on_a_slope(depth: float, centre: float) -> None:
     place = np.linspace(0.0, 200.0, 2001)
     level = Bell(depth, 10.0, centre).at(place)[0] + 1e-4 * place
-    found = fit_bell(place, level)
-    assert found[0] == pytest.approx(1e3 * depth, rel=1e-3)
-    assert found[1] == pytest.approx(centre, abs=0.06)
+    fit = fit_bell(place, level)
+    assert fit[0] == pytest.approx(1e3 * depth, rel=1e-3)
+    assert fit[1] == pytest.approx(centre, abs=0.06)
 
 
 @pytest.mark.parametrize("section", [profiles(), *sensors()], ids=lambda one: one.key)
@@ -119,9 +119,9 @@ def test_spectra_follow_their_models(section: PageSection) -> None:
     lines = section.panels[-1].lines
     modelled = {name: name.split(",")[0] for name in lines if "," in name}
     assert modelled
-    for model, made in modelled.items():
-        # A Welch estimate of n pieces strays by 1/√n.
-        ratio = lines[made][1] / lines[model][1]
+    for model, simulated in modelled.items():
+        # The standard deviation of a Welch estimate from n segments is 1/√n.
+        ratio = lines[simulated][1] / lines[model][1]
         assert np.median(ratio) == pytest.approx(1.0, abs=0.2)
 
 
@@ -134,23 +134,23 @@ SECTION = PageSection(
 )
 
 
-def test_page_needs_no_network_and_escapes_what_it_shows() -> None:
+def test_report_is_self_contained_and_escapes_its_text() -> None:
     text = html("A page", ("Said.",), (SECTION,))
     assert "A &lt;title&gt;" in text
     assert "Text &amp; more." in text
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=", text)
 
 
-def test_numbers_beside_the_page() -> None:
+def test_csv_files_of_a_section() -> None:
     found = files(SECTION)
     assert set(found) == {"figure-1.csv", "figure-1-lines.csv"}
     assert found["figure-1.csv"] == "what,mm\none,1.5\nnone,\n"
     assert list(csv.reader(found["figure-1-lines.csv"].splitlines()))[1] == ["line", "0.0", "1.0"]
 
 
-def test_another_page_is_not_replaced(tmp_path: Path) -> None:
+def test_another_file_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / PAGE).write_text("my own")
-    with pytest.raises(FileError, match="no reproduction"):
+    with pytest.raises(FileError, match="not a reproduction report"):
         reproduce(tmp_path)
     assert (tmp_path / PAGE).read_text() == "my own"
 
@@ -163,14 +163,14 @@ def test_the_paper_is_reproduced(tmp_path: Path) -> None:
     assert TITLE in paths[0].read_text(encoding="utf-8")
 
     with (tmp_path / "out" / "figure-13.csv").open(encoding="utf-8") as file:
-        largest = {row["largest error"]: float(row["ours, mm"]) for row in csv.DictReader(file)}
+        largest = {row["maximum error"]: float(row["ours, mm"]) for row in csv.DictReader(file)}
     assert largest["covariance"] <= 0.001
     with (tmp_path / "out" / "figure-17.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     for grade in ("fra-4", "fra-5", "fra-6"):
         for level in ("A", "B", "C"):
             own = {
-                row["what"]: row for row in rows if (row["class"], row["noise"]) == (grade, level)
+                row["method"]: row for row in rows if (row["class"], row["noise"]) == (grade, level)
             }
             smoother, found = own["smoother"], own["cross-entropy, literal"]
             assert float(smoother["D1, mm"]) < 0.03

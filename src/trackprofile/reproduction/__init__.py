@@ -1,4 +1,4 @@
-"""The paper reproduced, table by table and figure by figure: a page, and its numbers as CSV."""
+"""Reproduction of the paper, table by table and figure by figure: an HTML report, and its numbers as CSV."""
 
 from __future__ import annotations
 
@@ -18,23 +18,27 @@ TITLE = "Longitudinal profile from vehicle-based inertial readings: the paper re
 INTRODUCTION = (
     "O'Brien, Bowe, Quirke, Cantero: Determination of longitudinal profile of railway track using vehicle-based "
     "inertial readings. Journal of Rail and Rapid Transit 231 (2017) 518-534, doi 10.1177/0954409716664936.",
-    "Made by: trackprofile reproduce. Each table's and figure's numbers lie beside this page as CSV. Ratios are ours "
-    "to the paper's. Everything is simulated, as in the paper; seeds are fixed.",
+    "Made by: trackprofile reproduce. The numbers of each table and figure are in CSV files in the same folder. Ratios "
+    "are our value over the paper's value. Everything is simulated, as in the paper; seeds are fixed.",
 )
 PAGE = "index.html"
 
 
 def reproduce(folder: str | Path, progress: Progress | None = None) -> tuple[Path, ...]:
-    """Compute everything and write it: the page first, then the tables; all files, or none.
+    """Compute all sections and write them: first the HTML report, then the CSV files; all files or none.
 
     Parameters
     ----------
-    folder : is created
-    progress : told which part is computed, and the share done
+    folder : folder for the files; created where it does not exist
+    progress : called with the stage and the share done
+
+    Returns
+    -------
+    the files written, the HTML report first
 
     Raises
     ------
-    FileError : the folder cannot be written to, or holds a page that is not this one.
+    FileError : the folder cannot be written to, or has an index.html of something else.
     """
     folder = Path(folder)
     _check(folder)
@@ -44,27 +48,27 @@ def reproduce(folder: str | Path, progress: Progress | None = None) -> tuple[Pat
         texts |= page.files(section)
     folder.mkdir(parents=True, exist_ok=True)
     paths = tuple(folder / name for name in texts)
-    with whole_files(*paths) as places:
-        for place, text in zip(places, texts.values(), strict=True):
-            place.write_text(text, encoding="utf-8")
+    with whole_files(*paths) as temporary:
+        for path, text in zip(temporary, texts.values(), strict=True):
+            path.write_text(text, encoding="utf-8")
     return paths
 
 
 def compute_sections(progress: Progress) -> tuple[PageSection, ...]:
-    """All sections, in the order of the page."""
-    found: dict[str, tuple[PageSection, ...]] = {}
-    taken: dict[str, tuple[str, float, float]] = {}
+    """All sections, in the order of the report."""
+    results: dict[str, tuple[PageSection, ...]] = {}
+    durations: dict[str, tuple[str, float, float]] = {}
 
     def bell() -> tuple[PageSection, ...]:
         section, rates = searches.inverted_bell()
         for name, rate in rates.items():
-            taken[f"O on Model A, {name}"] = ("Model A", rate, 1 / 30.0)
+            durations[f"O on Model A, {name}"] = ("Model A", rate, 1 / 30.0)
         return (section,)
 
     def noisy() -> tuple[PageSection, ...]:
         section, rates = noise.noisy_profiles()
         for name, rate in rates.items():
-            taken[f"O_t on Model B, {name}"] = ("Model B", rate, 3.6 / 150.0)
+            durations[f"O_t on Model B, {name}"] = ("Model B", rate, 3.6 / 150.0)
         return (section,)
 
     parts: tuple[tuple[str, Callable[[], tuple[PageSection, ...]]], ...] = (
@@ -76,21 +80,24 @@ def compute_sections(progress: Progress) -> tuple[PageSection, ...]:
         ("figures 15 and 16", noise.sensors),
         ("figure 17", noisy),
         ("figure 18", lambda: (noise.settlement_study(),)),
-        ("left open", lambda: (open_settings.left_open(),)),
+        ("open settings", lambda: (open_settings.open_settings_section(),)),
     )
     for number, (name, part) in enumerate(parts):
         progress("reproducing", number / len(parts))
-        found[name] = part()
+        results[name] = part()
     progress("reproducing", 1.0)
-    sections = [section for some in found.values() for section in some]
-    return (*sections, tables.speed_section(taken))
+    sections = [section for part in results.values() for section in part]
+    return (*sections, tables.speed_section(durations))
 
 
 def _check(folder: Path) -> None:
-    there = folder / PAGE
+    page_path = folder / PAGE
     if folder.exists():
-        check_writable(there)
-    if there.exists() and TITLE not in there.read_text(encoding="utf-8", errors="replace")[:2000]:
+        check_writable(page_path)
+    if (
+        page_path.exists()
+        and TITLE not in page_path.read_text(encoding="utf-8", errors="replace")[:2000]
+    ):
         raise FileError(
-            f"{there}: it is there already and is no reproduction; choose another folder."
+            f"{page_path}: the file exists and is not a reproduction report; choose another folder."
         )

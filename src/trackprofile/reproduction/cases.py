@@ -1,7 +1,7 @@
-"""The cases of O'Brien, Bowe, Quirke and Cantero 2017: what ran over what, and what was recorded.
+"""The cases of O'Brien, Bowe, Quirke and Cantero 2017: vehicle, track, profile, and simulated recordings.
 
-Each is ridden twice: on the time-space grid of the search (Wilson-θ, one step to a scan), as the paper made its
-reference signals, and with Newmark at an eighth of that step, as near to the physics as matters here.
+The signals of each case are simulated in two ways: on the time-space grid of the search (Wilson θ, one step per scan),
+as in the paper, and with Newmark's scheme at an eighth of that step, which is close to the exact solution.
 """
 
 from __future__ import annotations
@@ -33,33 +33,36 @@ from trackprofile.simulation.speed_schedule import constant_speed
 Array = NDArray[np.float64]
 
 FINER = 8
-"""Steps of the fine simulation to a scan."""
+"""Number of steps of the fine simulation per scan."""
 
 CLASSES = ("fra-4", "fra-5", "fra-6")
 SHORTEST, LONGEST = 1.5, 100.0
-"""Wavelengths of the random profiles, m: the paper does not say."""
+"""Shortest and longest wavelength of the random profiles, m; the paper does not state them."""
 TAPER = 20.0
-"""m over which they grow from level track, on which the search starts."""
+"""Length over which they grow from level track, on which the search starts, m."""
 LENGTH = 200.0
-"""m of random profile: the paper does not say; enough for waves of 70 m, and for both flanks of the settlement."""
+"""Length of the random profiles, m; the paper does not state it. It suffices for wavelengths of 70 m and both flanks
+of the settlement."""
 
 LEAD = 100.0
-"""m, in which a car that swings freely comes to rest."""
+"""Level track before a case in which free oscillations of the car decay, m."""
 
 ACCELEROMETERS = {"A": "bogie-ms1010-stim300", "B": "bogie-adxl357-adxrs646", "C": "bogie-adxl345-lsm6dsv"}  # fmt: skip
-"""Parts that stand for the paper's, of which it shows curves but no names; its one gyroscope is that of A."""
+"""Sensor presets in place of the paper's accelerometers, whose types it does not state; the gyroscope is that of A."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One of the paper's runs.
+    """One run of the paper.
 
     Parameters
     ----------
+    name : name of the case
+    vehicle, installation, track, sensors, irregularity : the models
     speed : m/s
-    step : s between scans
-    length : m, from the start, where the vehicle stands on level track
-    start : of the leading wheel, m
+    step : time between scans, s
+    length : length of the run from the start, where the track is level, m
+    start : start position of the leading wheel, m
     """
 
     name: str
@@ -75,20 +78,20 @@ class Case:
 
     @property
     def scans(self) -> int:
-        """How many there are after the start."""
+        """Number of scans after the start."""
         return round(self.length / self.speed / self.step)
 
     @property
     def position(self) -> Array:
-        """Of the leading wheel at the start and at each scan (scans + 1,), m."""
+        """Position of the leading wheel at the start and at each scan, (scans + 1,), m."""
         run = self.speed * self.step * self.scans
         return np.linspace(self.start, self.start + run, self.scans + 1)
 
     @property
     def truth(self) -> xr.Dataset:
-        """The profile contract, at each scan."""
-        place = self.position[1:]
-        return build_profile(place, self.irregularity.at(place)[0], kind="truth")
+        """The true profile at each scan."""
+        position = self.position[1:]
+        return build_profile(position, self.irregularity.at(position)[0], kind="truth")
 
 
 def bell() -> Case:
@@ -103,27 +106,27 @@ def bell() -> Case:
 
 
 def model_a(grade: str) -> Case:
-    """Figure 14: Model A over a random profile; ``grade`` such as fra-4."""
+    """Figure 14: Model A over a random profile of a spectrum such as fra-4."""
     return _model_a(grade, _random(grade), LENGTH)
 
 
 def model_b(grade: str) -> Case:
-    """Figure 17: Model B over the same."""
+    """Figure 17: Model B over a random profile of a spectrum such as fra-4."""
     return _model_b(grade, _random(grade), LENGTH)
 
 
 def settlement() -> Case:
-    """Figure 18: Model B over a settlement of 40 mm and FRA class 4."""
+    """Figure 18: Model B over a settlement of 40 mm and a random profile of FRA class 4."""
     return _model_b("settlement", Sum((Bell(40e-3, 10.0, 100.0), _random("fra-4"))), LENGTH)
 
 
 def with_lead(case: Case) -> Case:
-    """The same with level track before and more of its own after, as any train's recording has it."""
+    """The same case with a lead of level track before, and more of its profile after, as in a real recording."""
     return replace(case, start=case.start - LEAD, length=case.length + 2 * LEAD)
 
 
 def search_grid_signals(case: Case) -> Array:
-    """What the sensors feel on the search's own grid, (scans + 1, sensors)."""
+    """Signals of the sensors on the grid of the search, (scans + 1, sensors), m/s² or rad/s."""
     car = case_model(case)
     r = case.irregularity.at(car.position)[0]
     r[: car.before] = 0.0
@@ -131,29 +134,31 @@ def search_grid_signals(case: Case) -> Array:
 
 
 def case_model(case: Case) -> ForwardModel:
-    """The search's model of the case, at its start."""
+    """The forward model of the search for a case, at its start."""
     scheme, speed = wilson(case.step), np.full(case.scans + 1, case.speed)
     return forward_model(case.vehicle, case.track, case.sensors, scheme, case.position, speed)
 
 
 def fine_signals(case: Case) -> Array:
-    """The same at an eighth of the step, by the forward model of `trackprofile simulate`."""
+    """Signals of the sensors by `simulate` at an eighth of the step, (scans + 1, sensors), m/s² or rad/s."""
     run = RunSettings(case.start, float(case.position[-1]), constant_speed(case.speed), run_in=1.0)
-    done = simulate(case.vehicle, case.track, case.irregularity, run, newmark(case.step / FINER))
-    signals = [sensor_signal(done, case.vehicle, sensor) for sensor in case.sensors]
+    simulation = simulate(
+        case.vehicle, case.track, case.irregularity, run, newmark(case.step / FINER)
+    )
+    signals = [sensor_signal(simulation, case.vehicle, sensor) for sensor in case.sensors]
     return np.stack(signals, axis=1)[::FINER][: case.scans + 1]
 
 
 def case_recording(
     case: Case, signals: Array, instruments: Sequence[Instrument] = (), seed: int = 0
 ) -> xr.Dataset:
-    """The recording contract: as they are, or as the instruments read them.
+    """A recording of a case: with exact signals, or as instruments read them.
 
     Parameters
     ----------
-    signals : (scans + 1, sensors)
-    instruments : one to a sensor; none: exact
-    seed : of their noise
+    signals : (scans + 1, sensors), m/s² or rad/s
+    instruments : one per sensor; empty: exact signals
+    seed : seed of the noise
     """
     generator, parts = np.random.default_rng(seed), []
     for i, sensor in enumerate(case.sensors):
@@ -178,10 +183,10 @@ def case_recording(
 
 
 def instruments(accelerometer: str) -> tuple[Instrument, Instrument]:
-    """Accelerometer A, B or C, and the gyroscope: their noise, for the paper adds nothing else."""
+    """Accelerometer A, B or C, and the gyroscope. Only their noise is used, as in the paper."""
     first, _ = read_instruments(ACCELEROMETERS[accelerometer])
     _, gyroscope = read_instruments(ACCELEROMETERS["A"])
-    # Its filter lies above half the sampling rate, where samples no longer show what it does.
+    # The cut-off of its filter is above half the sampling rate, where it has no effect on the samples.
     return first, replace(gyroscope, sensor=replace(gyroscope.sensor, bandwidth=None))
 
 

@@ -1,4 +1,4 @@
-"""Tables 1 to 6: the paper's numbers, as printed, and those that this package runs with."""
+"""Tables 1 to 6: the numbers printed in the paper, and those that this package uses."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from trackprofile.models.vehicle import parameter_values
 from trackprofile.reproduction.parts import PageSection, Table, comparison_table
 
 PAPER_RATE = {"Model A": 45.0, "Model B": 100.0}
-"""s per metre: "approximately 45 s/m", "over 100 s/m"."""
+"""Computing time stated in the paper, s/m: "approximately 45 s/m", "over 100 s/m"."""
 
 
 def settings() -> tuple[PageSection, ...]:
-    """Tables 1 to 6."""
+    """The sections of Tables 1 to 6."""
     return (_table_1(), _table_2(), _table_3(), _table_4(), *_tables_5_and_6())
 
 
@@ -63,18 +63,18 @@ def _table_3() -> PageSection:
     assert isinstance(track, LayeredTrack)
     support = track.support
     rows = [
-        ("rail's bending stiffness E_r I_r", "N m²", 2.059e11 * 3.217e-5, track.rail_bending_stiffness),
-        ("rail's mass", "μ_r, kg/m", 60.64, track.rail_mass),
-        ("rail pad's stiffness", "k_p, N/m", 6.5e7, support.pad_stiffness),
-        ("rail pad's damping", "c_p, N s/m", 7.5e4, support.pad_damping),
-        ("half a sleeper's mass", "m_s, kg", 125.5, support.sleeper_mass),
+        ("bending stiffness of the rail E_r I_r", "N m²", 2.059e11 * 3.217e-5, track.rail_bending_stiffness),
+        ("mass of the rail", "μ_r, kg/m", 60.64, track.rail_mass),
+        ("stiffness of the rail pad", "k_p, N/m", 6.5e7, support.pad_stiffness),
+        ("damping of the rail pad", "c_p, N s/m", 7.5e4, support.pad_damping),
+        ("mass of half a sleeper", "m_s, kg", 125.5, support.sleeper_mass),
         ("sleeper spacing", "L_s, m", 0.545, track.spacing),
-        ("ballast's stiffness", "k_ba, N/m", 137.75e6, support.ballast_stiffness),
-        ("ballast's damping", "c_ba, N s/m", 5.88e4, support.ballast_damping),
-        ("ballast's mass", "m_ba, kg", 531.4, support.ballast_mass),
-        ("sub-ballast's stiffness", "k_sb, N/m", 77.5e6, support.subballast_stiffness),
+        ("stiffness of the ballast", "k_ba, N/m", 137.75e6, support.ballast_stiffness),
+        ("damping of the ballast", "c_ba, N s/m", 5.88e4, support.ballast_damping),
+        ("mass of the ballast", "m_ba, kg", 531.4, support.ballast_mass),
+        ("stiffness of the sub-ballast", "k_sb, N/m", 77.5e6, support.subballast_stiffness),
     ]  # fmt: skip
-    text = ("The paper gives the sub-ballast no damping, and so it has none here.",)
+    text = ("The paper states no damping of the sub-ballast; it is 0 here.",)
     return PageSection("table-3", "Table 3: the track", text, comparison_table(rows))
 
 
@@ -88,7 +88,7 @@ def _table_4() -> PageSection:
             (f"class {grade}", "Ω_c, rad/m", 0.825, spectrum.corner_high),
         ]
     text = (
-        "The paper prints rad/s for Ω_r and Ω_c, and no unit for A_v; they are rad/m and m² rad/m. S(Ω) is taken as "
+        "The paper prints rad/s for Ω_r and Ω_c, and no unit for A_v; they are rad/m and m² rad/m. S(Ω) is "
         "one-sided in Ω, so that its integral over Ω above 0 is the variance.",
     )
     return PageSection("table-4", "Table 4: FRA classes", text, comparison_table(rows))
@@ -96,7 +96,8 @@ def _table_4() -> PageSection:
 
 def _tables_5_and_6() -> tuple[PageSection, PageSection]:
     text = (
-        "The threshold is printed without a unit: it is read as mm² here, for reasons under “Left open”.",
+        "The threshold is printed without a unit; it is read as mm² here, for the reasons in “Settings that the paper "
+        "leaves open”.",
     )
     printed = {5: (0.25, 10, 0.0, 0.5, 150, 0.1, 1e-9), 6: (0.833, 10, 0.0, 1.0, 100, 0.1, 5e-11)}
     sections = []
@@ -122,22 +123,22 @@ def _values(search: SearchSettings) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-def speed_section(taken: dict[str, tuple[str, float, float]]) -> PageSection:
-    """Seconds per metre; ``taken`` has the paper's model, ours and the train's (s/m) by what was searched."""
+def speed_section(durations: dict[str, tuple[str, float, float]]) -> PageSection:
+    """Computing time per metre; ``durations`` has the model, our time and the train's running time (s/m) by case."""
     rows = [
-        (what, PAPER_RATE[model], ours, ours / PAPER_RATE[model], train / ours)
-        for what, (model, ours, train) in taken.items()
+        (name, PAPER_RATE[model], ours, ours / PAPER_RATE[model], train / ours)
+        for name, (model, ours, train) in durations.items()
     ]
-    heads = ("what", "paper, s/m", "ours, s/m", "ratio", "times as fast as the train")
+    heads = ("case", "paper, s/m", "ours, s/m", "ratio", "speed relative to the train")
     text = (
-        "The paper: a 2.67 GHz processor, MATLAB, a simulation for each trial profile. Here: one core, the affine map "
-        "of each window. The times are of this run and this machine.",
+        "The paper: a 2.67 GHz processor, MATLAB, one simulation per trial profile. Here: one core, the affine map "
+        "of each window. The times are those of this run on this machine.",
     )
     return PageSection("speed", "Speed", text, Table(heads, tuple(rows)))
 
 
-def median_generations(found: CrossEntropyResult, run: int) -> float:
-    """Median over the phases of the generations of their first (0), second (1) … run."""
+def median_generations(result: CrossEntropyResult, run: int) -> float:
+    """Median over the phases of the number of generations of their first (0), second (1), ... run."""
     return float(
-        np.median([len(one.runs[run].objective) for one in found.phases if len(one.runs) > run])
+        np.median([len(one.runs[run].objective) for one in result.phases if len(one.runs) > run])
     )

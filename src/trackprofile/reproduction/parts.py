@@ -1,4 +1,4 @@
-"""What the reproduction consists of: sections with text, a table, and panels of lines."""
+"""Parts of the reproduction report: sections with text, a table, and figure panels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Cell = str | float | None
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under heads; units stand in the heads, or in a column of their own."""
+    """A table; units are in the heads or in a column of their own."""
 
     heads: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
@@ -23,13 +23,13 @@ class Table:
 
 @dataclass(frozen=True)
 class FigurePanel:
-    """Lines over a common axis.
+    """Lines over common axes.
 
     Parameters
     ----------
-    x, y : what the axes show, with units
-    lines : x and y of each, by name
-    logarithmic : axes, any of "x" and "y"
+    x, y : titles of the axes, with units
+    lines : x and y of each line, by name
+    logarithmic : logarithmic axes, any of "x" and "y"
     """
 
     x: str
@@ -40,7 +40,7 @@ class FigurePanel:
 
 @dataclass(frozen=True)
 class PageSection:
-    """A table or figure of the paper, and ours beside it.
+    """A section on one table or figure of the paper, with our values for comparison.
 
     Parameters
     ----------
@@ -56,12 +56,12 @@ class PageSection:
 
 
 def ratio(ours: float, paper: float) -> float:
-    """Ours to the paper's."""
+    """Our value over the paper's value."""
     return ours / paper
 
 
 def comparison_table(rows: Sequence[tuple[str, str, float, float]]) -> Table:
-    """Rows of (what, unit, the paper's, ours) with their ratio."""
+    """A table of rows (quantity, unit, paper, ours) with their ratio."""
     return Table(
         ("what", "unit", "paper", "ours", "ratio"),
         tuple((what, unit, paper, ours, ratio(ours, paper)) for what, unit, paper, ours in rows),

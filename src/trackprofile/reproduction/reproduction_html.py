@@ -1,4 +1,4 @@
-"""The sections as one page that needs no network, and as files of numbers."""
+"""The sections as one self-contained HTML report, and as CSV files."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PANEL = 340  # px
 
 
 def html(title: str, introduction: Sequence[str], sections: Sequence[PageSection]) -> str:
-    """The whole page as text, the plotting library within it."""
+    """The HTML report as text, with the plotting library embedded."""
     links = "".join(f'<a href="#{one.key}">{escape(_named(one.key))}</a> ' for one in sections)
     return (
         f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
@@ -38,10 +38,10 @@ def html(title: str, introduction: Sequence[str], sections: Sequence[PageSection
 
 
 def files(section: PageSection) -> dict[str, str]:
-    """The text of its CSV files, by name."""
-    found = {}
+    """The CSV files of a section: text by file name."""
+    texts = {}
     if section.table:
-        found[f"{section.key}.csv"] = _csv(section.table.heads, section.table.rows)
+        texts[f"{section.key}.csv"] = _csv(section.table.heads, section.table.rows)
     for number, panel in enumerate(section.panels, start=1):
         letter = f"-{chr(96 + number)}" if len(section.panels) > 1 else ""
         name = f"{section.key}-lines{letter}.csv"
@@ -50,8 +50,8 @@ def files(section: PageSection) -> dict[str, str]:
             for line, (xs, ys) in panel.lines.items()
             for x, y in zip(xs, ys, strict=True)
         ]
-        found[name] = _csv(("line", panel.x, panel.y), rows)
-    return found
+        texts[name] = _csv(("line", panel.x, panel.y), rows)
+    return texts
 
 
 def _named(key: str) -> str:

@@ -1,4 +1,4 @@
-"""What each figure needs to be computed: searches, smoothers, limits, and how errors grow."""
+"""Computations for the figures: searches, smoothers, accuracy bounds, and the growth of errors."""
 
 from __future__ import annotations
 
@@ -34,124 +34,160 @@ from trackprofile.reproduction.cases import (
 Array = NDArray[np.float64]
 
 GRID = 0.25
-"""m between the points at which profiles are compared."""
+"""Spacing of the points at which profiles are compared, m."""
 
 
 @dataclass(frozen=True)
 class SearchStudy:
-    """A case searched by cross-entropy: elevation minus truth (m) at ``place`` (m), and s per metre."""
+    """Result of the cross-entropy search of a case.
 
-    found: CrossEntropyResult
-    place: Array
+    Parameters
+    ----------
+    result : result of the method
+    position : (n,), m
+    error : (n,), elevation minus truth, m
+    rate : computing time, s/m
+    """
+
+    result: CrossEntropyResult
+    position: Array
     error: Array
     rate: float
 
 
 @dataclass(frozen=True)
 class SmootherStudy:
-    """The smoother's estimate, and elevation minus truth (m) at ``place`` (m), less a parabola."""
+    """Result of the smoother for a case.
 
-    found: Estimate
-    place: Array
+    Parameters
+    ----------
+    estimate : result of the smoother
+    position : (n,), m
+    error : (n,), elevation minus truth, without its best-fit parabola, m
+    """
+
+    estimate: Estimate
+    position: Array
     error: Array
 
 
 def run_search(
     case: Case, signals: Array, settings: SearchSettings, instruments: Sequence[Instrument] = (), seed: int = 0
 ) -> SearchStudy:  # fmt: skip
-    """Search a case that was ridden, as exact signals or as instruments read them; the seed is of both."""
+    """Search the profile of a case from exact signals, or from those that instruments read.
+
+    Parameters
+    ----------
+    signals : (scans + 1, sensors), m/s² or rad/s
+    instruments : one per sensor; empty: exact signals
+    seed : seed of the search and of the noise
+    """
     recording = case_recording(case, signals, instruments, seed)
-    began = time.perf_counter()
-    found = cross_entropy(
+    start = time.perf_counter()
+    result = cross_entropy(
         recording, case.vehicle, CrossEntropySettings(track=case.track, search=settings, seed=seed)
     )
-    taken = time.perf_counter() - began
-    place = found.profile["distance"].to_numpy()
-    truth = case.irregularity.at(place)[0]
-    error = found.profile["elevation"].to_numpy() - truth
-    return SearchStudy(found, place, error, taken / (place[-1] - place[0]))
+    duration = time.perf_counter() - start
+    position = result.profile["distance"].to_numpy()
+    truth = case.irregularity.at(position)[0]
+    error = result.profile["elevation"].to_numpy() - truth
+    return SearchStudy(result, position, error, duration / (position[-1] - position[0]))
 
 
 def fine_signals_with_lead(case: Case) -> Array:
-    """Signals of the fine simulation for the smoother, with a lead."""
+    """Signals of the fine simulation for the smoother, with the lead, (scans + 1, sensors), m/s² or rad/s."""
     return fine_signals(with_lead(case))
 
 
 def run_smoother(
     case: Case, signals: Array, instruments: Sequence[Instrument] = (), seed: int = 0
 ) -> SmootherStudy:
-    """The smoother on what the fine simulation gives (of `finely_led`) and the instruments make of it."""
+    """Estimate the profile of a case with the smoother, from exact signals or from those that instruments read.
+
+    Parameters
+    ----------
+    signals : result of `fine_signals_with_lead`
+    instruments : one per sensor; empty: exact signals
+    seed : seed of the noise
+    """
     recording = case_recording(with_lead(case), signals, instruments, seed)
     settings = InferenceSettings(case.installation, case.track, samples=16)
-    found = estimate(recording, case.vehicle, settings)
-    place = found.profile["distance"].to_numpy()
-    error = found.profile["elevation"].to_numpy() - case.irregularity.at(place)[0]
-    inside = (place >= case.start) & (place <= case.position[-1])
-    return SmootherStudy(found, place[inside], without_parabola(place[inside], error[inside]))
+    result = estimate(recording, case.vehicle, settings)
+    position = result.profile["distance"].to_numpy()
+    error = result.profile["elevation"].to_numpy() - case.irregularity.at(position)[0]
+    inside = (position >= case.start) & (position <= case.position[-1])
+    flat = without_parabola(position[inside], error[inside])
+    return SmootherStudy(result, position[inside], flat)
 
 
-def band_rms(place: Array, error: Array) -> dict[str, float | None]:
-    """Root mean square in D1 and D2, mm, where it lies a band's longest wave from both ends; None: nowhere."""
-    at = np.arange(place[0], place[-1], GRID)
-    values = np.interp(at, place, error)
-    found: dict[str, float | None] = {}
+def band_rms(position: Array, error: Array) -> dict[str, float | None]:
+    """Root mean square error in D1 and D2, mm; points closer to an end than the longest wavelength are excluded.
+
+    The value is None where no point remains.
+    """
+    at = np.arange(position[0], position[-1], GRID)
+    values = np.interp(at, position, error)
+    rms: dict[str, float | None] = {}
     for band in BANDS[:2]:
         inside = (at > at[0] + band.longest) & (at < at[-1] - band.longest)
-        found[band.name] = None
+        rms[band.name] = None
         if np.any(inside):
-            passed = band_pass(values, GRID, band)[inside]
-            found[band.name] = 1e3 * float(np.sqrt(np.mean(passed**2)))
-    return found
+            filtered = band_pass(values, GRID, band)[inside]
+            rms[band.name] = 1e3 * float(np.sqrt(np.mean(filtered**2)))
+    return rms
 
 
-def without_parabola(place: Array, error: Array) -> Array:
-    """Less offset, slope and curvature, which no sensor with an unknown offset can tell."""
-    x = (place - place.mean()) / np.ptp(place)
+def without_parabola(position: Array, error: Array) -> Array:
+    """The error without offset, slope and curvature, which sensors with unknown offset cannot determine, (n,), m."""
+    x = (position - position.mean()) / np.ptp(position)
     return error - np.polynomial.Polynomial.fit(x, error, 2)(x)
 
 
 def accuracy_bounds(
     case: Case, prior: Spectrum, instruments: Sequence[Instrument] = ()
 ) -> dict[str, float]:
-    """The least possible error in D1 and D2, mm, with what noise the sensors state."""
+    """Lower bound of the root mean square error in D1 and D2 for the stated noise of the sensors, mm."""
     sensors = tuple(one.sensor for one in instruments) or case.sensors
-    found = accuracy_bound(case.vehicle, case.track, sensors, case.speed, prior, BANDS[:2])
-    return {band: 1e3 * value for band, value in found.items()}
+    bounds = accuracy_bound(case.vehicle, case.track, sensors, case.speed, prior, BANDS[:2])
+    return {band: 1e3 * value for band, value in bounds.items()}
 
 
 def error_growth(case: Case, scheme: Scheme, unknowns: int, power: float = 1.0) -> float:
-    """By what an error grows in 10 m, when each window is solved exactly and the state carried over.
+    """Growth factor of an error in 10 m when each window is solved exactly and the state is carried over.
 
-    Of the model alone, no measurement: a disturbance of 1 µm in the first windows, and signals of level track. Its
-    short waves (second differences) are compared; where the model diverges before the end, there.
+    It depends on the model only: a disturbance of 1 µm in the first windows, with the signals of level track. Its
+    short waves (second differences) are compared, up to the end or to where the model diverges.
 
     Parameters
     ----------
-    power : of the sensors' root mean squares in the weights, 1 as in equation 12
+    scheme : integration scheme
+    unknowns : number of elevations per window
+    power : exponent of the root mean squares in the weights of the sensors; 1 as in equation 12
     """
     signals = search_grid_signals(case)
     weight = sensor_weights(signals[1:]) ** power
-    car = forward_model(
+    model = forward_model(
         case.vehicle, case.track, case.sensors, scheme, case.position, np.full(case.scans + 1, case.speed)
     )  # fmt: skip
-    elevation, generator = np.zeros(len(car.position)), np.random.default_rng(0)
+    elevation, generator = np.zeros(len(model.position)), np.random.default_rng(0)
     first, kept = 0, unknowns // 2
     while first + unknowns <= case.scans:
-        free = car.free_response(elevation, first, unknowns)
-        gain = car.gain_matrix(elevation, first, unknowns)
+        free = model.free_response(elevation, first, unknowns)
+        gain = model.gain_matrix(elevation, first, unknowns)
         rows = np.sqrt(weight)[:, None, None] * gain
-        due = -np.sqrt(weight)[:, None] * free.T
-        x = np.linalg.lstsq(rows.reshape(-1, unknowns), due.ravel())[0]
+        target = -np.sqrt(weight)[:, None] * free.T
+        x = np.linalg.lstsq(rows.reshape(-1, unknowns), target.ravel())[0]
         if first < 4 * kept:
             x = x + 1e-6 * generator.standard_normal(unknowns)
-        elevation[car.before + first : car.before + first + kept] = x[:kept]
+        elevation[model.before + first : model.before + first + kept] = x[:kept]
         if np.abs(x[:kept]).max() > 0.1:
             break
-        car = car.advance(elevation, first, kept)
+        model = model.advance(elevation, first, kept)
         first += kept
-    bent = np.abs(np.diff(elevation[car.before : car.before + first], 2))
+    second_differences = np.abs(np.diff(elevation[model.before : model.before + first], 2))
     tenth = max(first // 10, 1)
-    early, late = bent[3 * tenth : 5 * tenth].max(), bent[-2 * tenth :].max()
+    early = second_differences[3 * tenth : 5 * tenth].max()
+    late = second_differences[-2 * tenth :].max()
     distance = 5 * tenth * case.speed * case.step
     return float((late / early) ** (10.0 / distance))
 

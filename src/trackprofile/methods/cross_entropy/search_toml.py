@@ -41,6 +41,8 @@ AS_RECORDED = "as recorded"
 
 
 class SearchTable(Strict):
+    """The keys of a search TOML; the module's docstring explains each."""
+
     like: Literal["table-5", "table-6"]
     length: Literal["as recorded"] | Length | None = None
     unknowns: int | None = None
