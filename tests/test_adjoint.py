@@ -61,7 +61,7 @@ def run_over(length: float) -> KalmanGains:
 
 def innovations_adjoint(gains: KalmanGains, weights: Array) -> Array:
     """Adjoint of the map from signals to innovations: the backward recursion with u = w + Kᵀ λ in place of e/S."""
-    run, process, bays = gains.ride, gains.process, len(gains.ride.F)
+    run, process, bays = gains.run, gains.process, len(gains.run.F)
     signals = (gains.innovation_variance * weights)[:, None]
     kernels.smoothed(
         process.a1, process.a2, run.F, run.G, run.slots, run.rows, run.first_row, run.newest,
@@ -73,7 +73,7 @@ def innovations_adjoint(gains: KalmanGains, weights: Array) -> Array:
 
 def test_backward_recursion_of_the_smoother_is_the_adjoint_of_its_filter() -> None:
     gains = run_over(40.0)
-    rows = len(gains.ride.rows)
+    rows = len(gains.run.rows)
     for seed in range(3):
         mismatch = dot_test(
             lambda signal: innovations(gains, signal[:, None])[:, 0],

@@ -19,7 +19,7 @@ from trackprofile.inference.blocks import band_standard_deviations
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.kalman.smoother import (
     KalmanGains,
-    error_draws,
+    error_samples,
     initial_state,
     kalman_gains,
     smooth,
@@ -125,11 +125,11 @@ def outcome(
     samples = round(length / BETWEEN)
     prepared = smoother_of(believed or sensors, prior, samples)
     profile, signals = simulated(sensors, prior, samples, draws, generator)
-    ride = prepared.ride
+    ride = prepared.run
     found = smooth(prepared, signals[ride.samples, ride.sensors]).elevation
     under = np.rint((ride.first_knot + np.arange(len(found))) * KNOTS / BETWEEN).astype(int)
     errors = (profile[under % samples] - found).T
-    stated, _ = band_standard_deviations(error_draws(prepared, draws, generator), KNOTS)
+    stated, _ = band_standard_deviations(error_samples(prepared, draws, generator), KNOTS)
     middle = slice(round(425 / KNOTS), -round(425 / KNOTS))  # where D3 is free of the ends
     return Outcome(
         spectral_rms(errors[:, round(200 / KNOTS) : -round(200 / KNOTS)]),

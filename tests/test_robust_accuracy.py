@@ -78,7 +78,7 @@ def evaluate(grade: str, prior: str, runs: int, *, faulty: bool) -> BandResults:
     sensors, samples = read_sensors(grade), round(LENGTH / BETWEEN)
     profile, signals = simulated(sensors, prior, samples, runs, generator, SHORTEST)
     prepared = smoother_of(sensors, prior, samples)
-    ride = prepared.ride
+    ride = prepared.run
     optimal = smooth(prepared, signals[ride.samples, ride.sensors]).elevation
     position = KNOTS * (ride.first_knot + np.arange(len(optimal)))
     errors, optimal_errors, stated = [], [], []

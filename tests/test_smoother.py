@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 from trackprofile.kalman.smoother import (
     KalmanGains,
-    error_draws,
+    error_samples,
     initial_state,
     kalman_gains,
     posterior_variances,
@@ -135,14 +135,14 @@ def dense(one: Problem) -> Dense:
     start = one.filter.start
     stance = np.zeros((n, coefficients))
     first = np.arange(ride.first_knot, ride.first_knot + ride.ring)
-    stance[:, : ride.ring] = start.stance[:, first % ride.ring]
+    stance[:, : ride.ring] = start.quasi_static_gain[:, first % ride.ring]
     P = np.eye(size)
     track = markov_process(PRIOR, SPACING).covariance(coefficients)
     inner = slice(n, n + coefficients)
     P[inner, inner] = track
     P[:n, inner] = stance @ track
     P[inner, :n] = P[:n, inner].T
-    P[:n, :n] = stance @ track @ stance.T + np.diag(start.spread**2)
+    P[:n, :n] = stance @ track @ stance.T + np.diag(start.standard_deviation**2)
     knots = np.zeros((ride.knots, size))
     for i in range(ride.knots):
         knots[i, n + i : n + i + 3] = np.array([1, 4, 1]) / 6
@@ -221,7 +221,7 @@ def test_samples_and_offsets_are_judged_by_the_likelihood_without_them(
 @pytest.mark.parametrize("flicker", [False, True])
 def test_draws_of_the_error_have_the_posteriors_variance(flicker: bool) -> None:
     one = problem(RigidTrack(), 0.05, 2, flicker=flicker)
-    draws = error_draws(one.filter, 20_000, np.random.default_rng(3))
+    draws = error_samples(one.filter, 20_000, np.random.default_rng(3))
     # Relative error of a variance from m draws is √(2/m) = 1 %; four of them.
     np.testing.assert_allclose(
         np.var(draws, axis=1), posterior_variances(one.filter).elevation, rtol=0.04

@@ -24,7 +24,7 @@ from trackprofile.inference.quality import quality, unexplained_samples
 from trackprofile.inference.sensitivity import vehicle_sensitivity
 from trackprofile.inference.track_correction import full_track_residual
 from trackprofile.kalman.robust import RobustResult, smooth_robustly
-from trackprofile.kalman.smoother import SmoothingProblem, prior_draws, smooth
+from trackprofile.kalman.smoother import SmoothingProblem, prior_samples, smooth
 from trackprofile.models.sensor import Installation
 from trackprofile.models.track import Track
 from trackprofile.preprocessing.faults import Fault
@@ -266,7 +266,7 @@ def _smoothed(
 def _posterior_errors(robust: RobustResult, settings: BlockSettings, block: Block) -> Array:
     """Samples of the posterior's error, (knots, samples) in m."""
     generator = np.random.default_rng([settings.seed, block.number])
-    profiles, simulated = prior_draws(robust.gains, settings.samples, generator)
+    profiles, simulated = prior_samples(robust.gains, settings.samples, generator)
     return profiles - smooth(robust.gains, simulated).elevation
 
 

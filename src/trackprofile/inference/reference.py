@@ -88,7 +88,7 @@ class KnownProfile:
         ]
         signals = np.empty(len(run.rows))
         simulation_kernels.responded(
-            start.stance @ window_coefficients,
+            start.quasi_static_gain @ window_coefficients,
             self.coefficients,
             run.F,
             run.G,

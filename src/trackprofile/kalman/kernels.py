@@ -1,8 +1,8 @@
-"""The smoother's recursions: compiled, arrays in, arrays out (theory, section 7).
+"""Compiled kernels of the smoother's recursions (theory, section 7).
 
-Forwards a Kalman filter, backwards the modified Bryson-Frazier recursion. The gains do not depend on the
-data, so they are computed once and any number of signals passes through them side by side. What comes out is
-the elevation at each knot, r(x_j) = (c_j + 4 c_(j+1) + c_(j+2)) / 6, when c_j is the oldest in the ring.
+Forwards a Kalman filter, backwards the modified Bryson-Frazier recursion. The gains do not depend on the signals: they
+are computed once, and several sets of signals are processed together. The result is the elevation at each knot,
+r(x_j) = (c_j + 4 c_(j+1) + c_(j+2)) / 6, when c_j is the oldest coefficient in the ring.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import numpy as np
 
 from trackprofile.kalman.transition_kernels import compiled
 
-AT_ONCE = 8
-"""Samples in one product of matrices: so small that no library spreads it over threads."""
+BATCH = 8
+"""Samples in one matrix product: small enough that no library distributes it over threads."""
 
 
 @compiled
@@ -22,13 +22,13 @@ def covariances(
 ):  # pragma: no cover  # fmt: skip
     """Gains, innovation variances S, and the covariance row of the oldest knot at the end of each bay.
 
-    P is the initial covariance and becomes the last one. What unmodelled accelerations do within a bay, Q, and how
-    far the last of the states walk, flicker and offsets, are added at its end.
+    P is the initial covariance and becomes the last one. The covariance Q of unmodelled accelerations and the walk of
+    the last states, flicker and offsets, are added at the end of each bay.
     """
     size, n, walking = P.shape[0], F_all.shape[1], walk_all.shape[1]
     ring = size - n
     moved, p = np.empty((n, size)), np.empty(size)
-    scaled = np.empty((AT_ONCE, size))
+    scaled = np.empty((BATCH, size))
     for b in range(F_all.shape[0]):
         if b > 0:
             _enter(P, a1, a2, innovation, n, ring, newest + b)
@@ -43,8 +43,8 @@ def covariances(
             S[m] = variance[m] + _dot_row(p, row, slots, n)
             for i in range(size):
                 gains[m, i] = p[i] / S[m]
-        for first in range(low, high, AT_ONCE):
-            last = min(first + AT_ONCE, high)
+        for first in range(low, high, BATCH):
+            last = min(first + BATCH, high)
             for m in range(first, last):
                 scaled[m - first] = S[m] * gains[m]
             P -= np.dot(scaled[: last - first].T, gains[first:last])
@@ -54,27 +54,27 @@ def covariances(
                 P[a, c] += Q_all[b, a, c]
         for i in range(n - walking, n):
             P[i, i] += walk_all[b, i - n + walking]
-        one, two, three = oldest_places(n, ring, newest + b)
+        one, two, three = oldest_positions(n, ring, newest + b)
         for j in range(size):
             knots[b, j] = (P[one, j] + 4.0 * P[two, j] + P[three, j]) / 6.0
 
 
 @compiled
-def oldest_places(n, ring, newest):  # pragma: no cover
-    """Places of the three oldest coefficients when ``newest`` is the newest one's index."""
+def oldest_positions(n, ring, newest):  # pragma: no cover
+    """Positions of the three oldest coefficients; ``newest`` is the index of the newest one."""
     return n + (newest + 1) % ring, n + (newest + 2) % ring, n + (newest + 3) % ring
 
 
 @compiled
-def newest_places(n, ring, newest):  # pragma: no cover
-    """Places of the newest coefficient and of the two before it."""
+def newest_positions(n, ring, newest):  # pragma: no cover
+    """Positions of the newest coefficient and of the two before it."""
     return n + newest % ring, n + (newest - 1) % ring, n + (newest - 2) % ring
 
 
 @compiled
 def _enter(P, a1, a2, innovation, n, ring, newest):  # pragma: no cover
-    """The oldest coefficient's place is taken by c_i = a1 c_(i-1) + a2 c_(i-2) + w."""
-    new, one, two = newest_places(n, ring, newest)
+    """Replace the oldest coefficient by c_i = a1 c_(i-1) + a2 c_(i-2) + w."""
+    new, one, two = newest_positions(n, ring, newest)
     size = P.shape[0]
     for j in range(size):
         P[new, j] = a1 * P[one, j] + a2 * P[two, j]
@@ -85,7 +85,7 @@ def _enter(P, a1, a2, innovation, n, ring, newest):  # pragma: no cover
 
 @compiled
 def _times_row(P, row, slots, n, p):  # pragma: no cover
-    """p ← P h for a symmetric P and a row h over the vehicle's states and the slots."""
+    """p ← P h for a symmetric P and a row h over the vehicle states and the slots."""
     p[:] = 0.0
     for c in range(len(row)):
         if row[c] != 0.0:
@@ -154,7 +154,7 @@ def filtered(
     moved = np.empty((n, m))
     for b in range(F_all.shape[0]):
         if b > 0:
-            new, one, two = newest_places(n, ring, newest + b)
+            new, one, two = newest_positions(n, ring, newest + b)
             for s in range(m):
                 means[new, s] = a1 * means[one, s] + a2 * means[two, s]
         slots = slots_all[b]
@@ -167,7 +167,7 @@ def filtered(
                 for s in range(m):
                     means[i, s] += gains[k, i] * signals[k, s]
         move_means(F_all[b], G_all[b], slots, means, moved)
-        one, two, three = oldest_places(n, ring, newest + b)
+        one, two, three = oldest_positions(n, ring, newest + b)
         for s in range(m):
             knots[b, s] = (means[one, s] + 4.0 * means[two, s] + means[three, s]) / 6.0
 
@@ -180,7 +180,7 @@ def smoothed(
     """Backward pass: ``knots`` become the smoothed elevations, ``signals`` the smoothed measurement noise.
 
     λ ← Tᵀ λ at a bay, λ ← λ - h (e/S + Kᵀ λ) at a sample; a knot's smoothed mean is m - P λ. The noise of a
-    sample, given all data, is R (e/S + Kᵀ λ): what the model leaves of the signal. ``offsets`` (bays, sensors)
+    sample, given all data, is R (e/S + Kᵀ λ): the residual of the signal. ``offsets`` (bays, sensors)
     become -λ of the offsets, the last of the states, at the end of each bay, for the first of the signals.
     """
     n, columns, m = F_all.shape[1], G_all.shape[2], signals.shape[1]
@@ -217,7 +217,7 @@ def smoothed(
             for s in range(m):
                 signals[k, s] = variance[k] * u[s]
         if b > 0:
-            new, one, two = newest_places(n, ring, newest + b)
+            new, one, two = newest_positions(n, ring, newest + b)
             for s in range(m):
                 adjoint[one, s] += a1 * adjoint[new, s]
                 adjoint[two, s] += a2 * adjoint[new, s]
@@ -238,15 +238,15 @@ def variances(
     sensors = offsets.shape[1]
     size = gains.shape[1]
     ring = size - n
-    most = 1
+    max_rows = 1
     for b in range(bays):
-        most = max(most, first_row[b + 1] - first_row[b])
-    L, g = np.zeros((size, size)), np.empty((most, size))
+        max_rows = max(max_rows, first_row[b + 1] - first_row[b])
+    L, g = np.zeros((size, size)), np.empty((max_rows, size))
     W, V = np.empty((n, size)), np.empty((n, size))
     for b in range(bays - 1, -1, -1):
         for i in range(sensors):
             offsets[b, i] = L[n - sensors + i, n - sensors + i]
-        one, two, three = oldest_places(n, ring, newest + b)
+        one, two, three = oldest_positions(n, ring, newest + b)
         value = (covariance[b, one] + 4.0 * covariance[b, two] + covariance[b, three]) / 6.0
         for i in range(size):
             dot = 0.0
@@ -257,7 +257,7 @@ def variances(
         _pull_back(L, F_all[b], G_all[b], slots_all[b], W, V)
         _unmeasure(L, rows, slots_all[b], n, gains, S, first_row[b], first_row[b + 1], g, precision)
         if b > 0:
-            new, one, two = newest_places(n, ring, newest + b)
+            new, one, two = newest_positions(n, ring, newest + b)
             for j in range(size):
                 L[one, j] += a1 * L[new, j]
                 L[two, j] += a2 * L[new, j]
@@ -291,7 +291,7 @@ def _pull_back(L, F, G, slots, W, V):  # pragma: no cover
     for j in range(n, size):
         for c in range(columns):
             L[j, slots[c]] += through[c, j]
-    # W = [Λ_xx, Λ_xx G + Λ_xc]; its rows and its first n columns still pass through F.
+    # W = [Λ_xx, Λ_xx G + Λ_xc]; its rows and its first n columns are then multiplied by F.
     L[:n] = np.dot(F.T, W)
     for a in range(n):
         for c in range(n):
@@ -308,11 +308,11 @@ def _pull_back(L, F, G, slots, W, V):  # pragma: no cover
 def _unmeasure(L, rows, slots, n, gains, S, low, high, g, precision):  # pragma: no cover
     """Λ ← (I - K h)ᵀ Λ (I - K h) + hᵀ h / S for the samples of one bay, last first.
 
-    Each sample adds -(h gᵀ + g hᵀ) with u = Λ K and g = u - (Kᵀ u + 1/S) h / 2; they are gathered, then added.
+    Each sample adds -(h gᵀ + g hᵀ) with u = Λ K and g = u - (Kᵀ u + 1/S) h / 2; they are collected, then added.
     """
     size, width = L.shape[0], rows.shape[1]
-    for first in range(low, high, AT_ONCE):
-        last = min(first + AT_ONCE, high)
+    for first in range(low, high, BATCH):
+        last = min(first + BATCH, high)
         np.dot(gains[first:last], L, g[first - low : last - low])
     for k in range(high - 1, low - 1, -1):
         u = g[k - low]
@@ -331,8 +331,8 @@ def _unmeasure(L, rows, slots, n, gains, S, low, high, g, precision):  # pragma:
         for c in range(width):
             u[c if c < n else slots[c - n]] -= 0.5 * kappa * rows[k, c]
     total = np.zeros((width, size))
-    for first in range(low, high, AT_ONCE):
-        last = min(first + AT_ONCE, high)
+    for first in range(low, high, BATCH):
+        last = min(first + BATCH, high)
         total += np.dot(rows[first:last].T, g[first - low : last - low])
     for c in range(width):
         index = c if c < n else slots[c - n]

@@ -1,4 +1,4 @@
-"""The optimal smoother: posterior mean, variance, draws and likelihood of the profile (theory, section 7)."""
+"""Optimal (Kalman) smoother: posterior mean, variance, samples and likelihood of the profile (theory, section 7)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackprofile.kalman import kernels as recursions
-from trackprofile.kalman import simulation_kernels as forward_kernels
+from trackprofile.kalman import kernels, simulation_kernels
 from trackprofile.kalman.time_steps import DiscretisedRun, OffsetWalk
 from trackprofile.kalman.transition_kernels import COLUMNS, spline_weights
 from trackprofile.models.spectrum import MarkovProfile, Spectrum, markov_process
@@ -19,45 +18,54 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class InitialState:
-    """The state before the first sample: the vehicle rides on the profile, and moves on top of that.
+    """Prior of the state before the first sample: quasi-static equilibrium on the profile plus independent motion.
 
-    x = stance · c + spread · ξ, with c from the prior and ξ standard normal.
+    x = S · c + diag(σ) · ξ, with S the quasi-static gain, c from the prior of the profile and ξ standard normal.
 
     Parameters
     ----------
-    coefficients : (ring, ring), covariance of the coefficients in the window, by place in the ring
-    stance : (n, ring), quasi-static states on the coefficients
-    spread : (n,), standard deviation of what the vehicle moves beyond, and of the offsets
+    coefficients : (ring, ring), covariance of the spline coefficients in the window, by position in the ring, m²
+    quasi_static_gain : (n, ring), states per coefficient in quasi-static equilibrium
+    standard_deviation : (n,), of the motion beyond equilibrium, and of the sensor offsets
     """
 
     coefficients: Array
-    stance: Array
-    spread: Array
+    quasi_static_gain: Array
+    standard_deviation: Array
 
     def covariance(self) -> Array:
-        """Of [x; c], (n + ring, n + ring)."""
-        cross = self.stance @ self.coefficients
-        vehicle = cross @ self.stance.T + np.diag(self.spread**2)
+        """Covariance of [x; c], (n + ring, n + ring)."""
+        cross = self.quasi_static_gain @ self.coefficients
+        vehicle = cross @ self.quasi_static_gain.T + np.diag(self.standard_deviation**2)
         return np.block([[vehicle, cross], [cross.T, self.coefficients]])
 
-    def draws(self, generator: np.random.Generator, count: int) -> Array:
-        """Random starts, (n + ring, count)."""
+    def samples(self, generator: np.random.Generator, count: int) -> Array:
+        """Random initial states [x; c], (n + ring, count)."""
         root = np.linalg.cholesky(self.coefficients)
         coefficients = root @ generator.standard_normal((len(root), count))
-        beyond = self.spread[:, None] * generator.standard_normal((len(self.spread), count))
-        return np.concatenate([self.stance @ coefficients + beyond, coefficients])
+        motion = self.standard_deviation[:, None] * generator.standard_normal(
+            (len(self.standard_deviation), count)
+        )
+        return np.concatenate([self.quasi_static_gain @ coefficients + motion, coefficients])
 
 
 @dataclass(frozen=True)
 class KalmanGains:
-    """A ride with its gains: all of the smoother that does not depend on the data.
+    """Everything in the smoother that does not depend on the signals.
 
-    ``variance`` (rows,) of the measurement rows, ``gains`` (rows, n + ring), ``innovation_variance``
-    (rows,), ``knot_covariance`` (bays, n + ring),
-    ``last_covariance`` (n + ring, n + ring).
+    Parameters
+    ----------
+    run : transitions and measurement rows
+    process : Markov prior of the coefficients
+    variance : (rows,), noise of the measurement rows, sensor's unit squared
+    start : prior of the first state
+    gains : (rows, n + ring), Kalman gains
+    innovation_variance : (rows,), sensor's unit squared
+    knot_covariance : (bays, n + ring), covariance of the oldest knot with the state at the end of each bay
+    last_covariance : (n + ring, n + ring), of the last filtered state
     """
 
-    ride: DiscretisedRun
+    run: DiscretisedRun
     process: MarkovProfile
     variance: Array
     start: InitialState
@@ -69,11 +77,16 @@ class KalmanGains:
 
 @dataclass(frozen=True)
 class SmootherResult:
-    """Posterior means of ``elevation`` (knots, signals) in m and of the noise, ``residual`` (rows, signals).
+    """Posterior means for one or more sets of signals.
 
-    ``innovation`` (rows,) is what each sample of the first signal says beyond all before it;
-    ``offset_score`` (bays, sensors) is the slope of the first signal's log-likelihood over a jump of each sensor's
-    offset at the end of each bay; ``log_likelihood`` (signals,).
+    Parameters
+    ----------
+    elevation : (knots, signals), m
+    residual : (rows, signals), posterior mean of the measurement noise
+    innovation : (rows,), difference of each sample of the first signal from its prediction by all earlier samples
+    offset_score : (bays, sensors), derivative of the first signal's log-likelihood with respect to a jump of each
+        sensor's offset at the end of each bay
+    log_likelihood : (signals,)
     """
 
     elevation: Array
@@ -85,10 +98,14 @@ class SmootherResult:
 
 @dataclass(frozen=True)
 class PosteriorVariances:
-    """Of the posterior's ``elevation`` (knots,), m²; and what single samples and offsets are judged by.
+    """Posterior variances of the elevation, and the precisions for tests of single samples and offsets.
 
-    ``precision`` (rows,) is the variance of residual / noise variance: its inverse is that of a sample about what all
-    the others predict of it (de Jong 1988). ``offset_precision`` (bays, sensors) is that of the ``offset_score``.
+    Parameters
+    ----------
+    elevation : (knots,), m²
+    precision : (rows,), variance of residual / noise variance; its inverse is the variance of a sample about its
+        prediction by all other samples (de Jong 1988)
+    offset_precision : (bays, sensors), variance of the ``offset_score``
     """
 
     elevation: Array
@@ -98,7 +115,7 @@ class PosteriorVariances:
 
 @dataclass(frozen=True)
 class SmoothingProblem:
-    """A run with all that the smoother needs to know of it.
+    """A run with everything that the smoother needs.
 
     Parameters
     ----------
@@ -118,157 +135,159 @@ class SmoothingProblem:
     walk: OffsetWalk
 
     def gains(self) -> KalmanGains:
-        """Kalman gains of the problem as it stands."""
+        """Kalman gains of the problem without down-weighting."""
         return kalman_gains(self.run, self.spectrum, self.variance, self.start)
 
 
 def initial_state(
-    system: StateSpace, spectrum: Spectrum, ride: DiscretisedRun, others: Array
+    system: StateSpace, spectrum: Spectrum, run: DiscretisedRun, others: Array
 ) -> InitialState:
-    """The prior of the first state.
+    """Prior of the first state.
 
-    The vehicle stands on its paths quasi-statically; beyond that each state has the variance of its steady
-    response at the first speed, ∫ |X(Ω) - X_static(Ω)|² S(Ω) dΩ. ``others`` are the standard deviations of
-    the states after q and q̇: unmodelled accelerations and offsets.
+    The vehicle is in quasi-static equilibrium on its paths; in addition each state has the variance of its steady
+    response at the first speed, ∫ |X(Ω) - X_static(Ω)|² S(Ω) dΩ.
+
+    Parameters
+    ----------
+    others : standard deviations of the states after q and q̇: unmodelled accelerations, filters, flicker and offsets
     """
     n, f = len(system.A), len(system.freedoms)
     stiffness = -system.A[f : 2 * f, :f]
-    sag = np.linalg.solve(stiffness, system.B[f : 2 * f, 0])
+    static_gain = np.linalg.solve(stiffness, system.B[f : 2 * f, 0])
     omega = np.geomspace(2 * np.pi / 1000.0, 2 * np.pi / 0.5, 600)
-    states, paths = state_response(system, omega, ride.start_speed)
-    quasi_static = paths @ sag.T
-    rate = 1j * omega[:, None] * ride.start_speed
-    beyond = states[:, : 2 * f] - np.concatenate([quasi_static, rate * quasi_static], axis=1)
-    power = np.abs(beyond) ** 2 * spectrum.density(omega)[:, None]
-    spread = np.concatenate([np.sqrt(np.trapezoid(power, omega, axis=0)), others])
-    stance = np.zeros((n, ride.ring))
-    for i, behind in enumerate(system.wheel_positions):
-        value, slope = _ring_weights(ride, ride.start_position - behind)
-        stance[:f] += np.outer(sag[:, i], value)
-        stance[f : 2 * f] += np.outer(sag[:, i], ride.start_speed * slope)
-    order = (np.arange(ride.ring) - ride.first_knot) % ride.ring
-    coefficients = markov_process(spectrum, ride.spacing).covariance(ride.ring)[
-        np.ix_(order, order)
-    ]
-    return InitialState(coefficients, stance, spread)
+    states, paths = state_response(system, omega, run.start_speed)
+    quasi_static = paths @ static_gain.T
+    rate = 1j * omega[:, None] * run.start_speed
+    dynamic = states[:, : 2 * f] - np.concatenate([quasi_static, rate * quasi_static], axis=1)
+    power = np.abs(dynamic) ** 2 * spectrum.density(omega)[:, None]
+    deviation = np.concatenate([np.sqrt(np.trapezoid(power, omega, axis=0)), others])
+    gain = np.zeros((n, run.ring))
+    for i, distance in enumerate(system.wheel_positions):
+        value, slope = _ring_weights(run, run.start_position - distance)
+        gain[:f] += np.outer(static_gain[:, i], value)
+        gain[f : 2 * f] += np.outer(static_gain[:, i], run.start_speed * slope)
+    order = (np.arange(run.ring) - run.first_knot) % run.ring
+    coefficients = markov_process(spectrum, run.spacing).covariance(run.ring)[np.ix_(order, order)]
+    return InitialState(coefficients, gain, deviation)
 
 
 def kalman_gains(
-    ride: DiscretisedRun, spectrum: Spectrum, variance: Array, start: InitialState
+    run: DiscretisedRun, spectrum: Spectrum, variance: Array, start: InitialState
 ) -> KalmanGains:
-    """Run the covariances forwards: the gains for any data of this ride.
+    """Covariance recursion forwards: the gains for any signals of this run.
 
-    ``variance`` (rows,) is that of each row's white noise, in the square of its unit.
+    Parameters
+    ----------
+    variance : (rows,), white noise of each row, sensor's unit squared
     """
-    process = markov_process(spectrum, ride.spacing)
+    process = markov_process(spectrum, run.spacing)
     P = start.covariance()
-    size, rows, bays = len(P), len(ride.rows), len(ride.F)
+    size, rows, bays = len(P), len(run.rows), len(run.F)
     gains, innovation_variance = np.empty((rows, size)), np.empty(rows)
     knots = np.empty((bays, size))
-    recursions.covariances(
-        P, process.a1, process.a2, process.innovation, ride.F, ride.G, ride.Q, ride.walk, ride.slots,
-        ride.rows, variance, ride.first_row, ride.newest,
+    kernels.covariances(
+        P, process.a1, process.a2, process.innovation, run.F, run.G, run.Q, run.walk, run.slots,
+        run.rows, variance, run.first_row, run.newest,
         gains, innovation_variance, knots,
     )  # fmt: skip
-    return KalmanGains(ride, process, variance, start, gains, innovation_variance, knots, P)
+    return KalmanGains(run, process, variance, start, gains, innovation_variance, knots, P)
 
 
-def innovations(prepared: KalmanGains, signals: Array) -> Array:
-    """What each sample of the signals (rows, m) says beyond all before it; (rows, m), of variance S."""
-    return _forwards(prepared, signals)[0]
+def innovations(gains: KalmanGains, signals: Array) -> Array:
+    """Innovations of the signals (rows, m): difference from the prediction by all earlier samples, (rows, m)."""
+    return _filter(gains, signals)[0]
 
 
-def smooth(prepared: KalmanGains, signals: Array) -> SmootherResult:
+def smooth(gains: KalmanGains, signals: Array) -> SmootherResult:
     """Posterior mean of the profile at every knot, for each of the signals (rows, m)."""
-    residual, knots, last = _forwards(prepared, signals)
+    residual, knots, last = _filter(gains, signals)
     innovation = residual[:, 0].copy()
-    S = prepared.innovation_variance
+    S = gains.innovation_variance
     likelihood = -0.5 * (np.sum(np.log(2 * np.pi * S)) + np.sum(residual**2 / S[:, None], axis=0))
-    ride, process = prepared.ride, prepared.process
-    score = np.empty((len(ride.F), ride.offsets))
-    recursions.smoothed(
-        process.a1, process.a2, ride.F, ride.G, ride.slots, ride.rows, ride.first_row, ride.newest,
-        prepared.gains, prepared.innovation_variance, prepared.variance, prepared.knot_covariance,
+    run, process = gains.run, gains.process
+    score = np.empty((len(run.F), run.offsets))
+    kernels.smoothed(
+        process.a1, process.a2, run.F, run.G, run.slots, run.rows, run.first_row, run.newest,
+        gains.gains, gains.innovation_variance, gains.variance, gains.knot_covariance,
         residual, knots, score,
     )  # fmt: skip
-    elevation = np.concatenate([knots, _window(ride) @ last])
+    elevation = np.concatenate([knots, _window(run) @ last])
     return SmootherResult(elevation, residual, innovation, score, likelihood)
 
 
-def posterior_variances(prepared: KalmanGains) -> PosteriorVariances:
-    """Posterior variance of the elevation at every knot, and the precisions of what is left of samples and offsets."""
-    ride, process = prepared.ride, prepared.process
-    knots, precision = np.empty(len(ride.F)), np.empty(len(ride.rows))
-    offsets = np.empty((len(ride.F), ride.offsets))
-    recursions.variances(
-        process.a1, process.a2, ride.F, ride.G, ride.slots, ride.rows, ride.first_row, ride.newest,
-        prepared.gains, prepared.innovation_variance, prepared.knot_covariance, knots, precision,
+def posterior_variances(gains: KalmanGains) -> PosteriorVariances:
+    """Posterior variance of the elevation at every knot, and the precisions of samples and offsets."""
+    run, process = gains.run, gains.process
+    knots, precision = np.empty(len(run.F)), np.empty(len(run.rows))
+    offsets = np.empty((len(run.F), run.offsets))
+    kernels.variances(
+        process.a1, process.a2, run.F, run.G, run.slots, run.rows, run.first_row, run.newest,
+        gains.gains, gains.innovation_variance, gains.knot_covariance, knots, precision,
         offsets,
     )  # fmt: skip
-    window = _window(ride)
-    last = np.einsum("ki,ij,kj->k", window, prepared.last_covariance, window)
+    window = _window(run)
+    last = np.einsum("ki,ij,kj->k", window, gains.last_covariance, window)
     return PosteriorVariances(np.concatenate([knots, last]), precision, offsets)
 
 
-def prior_draws(
-    prepared: KalmanGains, count: int, generator: np.random.Generator
+def prior_samples(
+    gains: KalmanGains, count: int, generator: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Profiles (knots, count) from the prior, and noisy signals (rows, count) of rides over them."""
-    ride, process = prepared.ride, prepared.process
-    bays = len(ride.F)
-    states = prepared.start.draws(generator, count)
+    """Samples of the prior: profiles (knots, count) in m, and noisy signals (rows, count) of runs over them."""
+    run, process = gains.run, gains.process
+    bays = len(run.F)
+    states = gains.start.samples(generator, count)
     entering = np.sqrt(process.innovation) * generator.standard_normal((bays, count))
-    shaking = generator.standard_normal((bays, ride.Q.shape[1], count))
-    wandering = np.sqrt(ride.walk)[:, :, None] * generator.standard_normal(
-        (*ride.walk.shape, count)
-    )
-    signals, knots = np.empty((len(ride.rows), count)), np.empty((bays, count))
-    forward_kernels.simulated(
-        states, process.a1, process.a2, entering, shaking, wandering, ride.F, ride.G, ride.Q, ride.slots, ride.rows,
-        ride.first_row, ride.newest, signals, knots,
+    acceleration_noise = generator.standard_normal((bays, run.Q.shape[1], count))
+    walk_steps = np.sqrt(run.walk)[:, :, None] * generator.standard_normal((*run.walk.shape, count))
+    signals, knots = np.empty((len(run.rows), count)), np.empty((bays, count))
+    simulation_kernels.simulated(
+        states, process.a1, process.a2, entering, acceleration_noise, walk_steps, run.F, run.G, run.Q,
+        run.slots, run.rows,
+        run.first_row, run.newest, signals, knots,
     )  # fmt: skip
-    signals += np.sqrt(prepared.variance)[:, None] * generator.standard_normal(signals.shape)
-    return np.concatenate([knots, _window(ride) @ states]), signals
+    signals += np.sqrt(gains.variance)[:, None] * generator.standard_normal(signals.shape)
+    return np.concatenate([knots, _window(run) @ states]), signals
 
 
-def error_draws(prepared: KalmanGains, count: int, generator: np.random.Generator) -> Array:
-    """Draws of the posterior's error, (knots, count) in m: r_s - smooth(y_s) with (r_s, y_s) from the prior.
+def error_samples(gains: KalmanGains, count: int, generator: np.random.Generator) -> Array:
+    """Samples of the posterior error, (knots, count) in m: r_s - smooth(y_s) with (r_s, y_s) from the prior.
 
-    The posterior mean plus such a draw is a draw of the profile from the posterior.
+    The posterior mean plus such a sample is a sample of the profile from the posterior.
     """
-    profiles, signals = prior_draws(prepared, count, generator)
-    return profiles - smooth(prepared, signals).elevation
+    profiles, signals = prior_samples(gains, count, generator)
+    return profiles - smooth(gains, signals).elevation
 
 
-def _forwards(prepared: KalmanGains, signals: Array) -> tuple[Array, Array, Array]:
-    ride, process = prepared.ride, prepared.process
+def _filter(gains: KalmanGains, signals: Array) -> tuple[Array, Array, Array]:
+    run, process = gains.run, gains.process
     innovations = np.array(signals, dtype=np.float64, order="C")
-    means = np.zeros((prepared.knot_covariance.shape[1], innovations.shape[1]))
-    knots = np.empty((len(ride.F), innovations.shape[1]))
-    recursions.filtered(
-        means, process.a1, process.a2, ride.F, ride.G, ride.slots, ride.rows, ride.first_row,
-        ride.newest, prepared.gains, innovations, knots,
+    means = np.zeros((gains.knot_covariance.shape[1], innovations.shape[1]))
+    knots = np.empty((len(run.F), innovations.shape[1]))
+    kernels.filtered(
+        means, process.a1, process.a2, run.F, run.G, run.slots, run.rows, run.first_row,
+        run.newest, gains.gains, innovations, knots,
     )  # fmt: skip
     return innovations, knots, means
 
 
-def _window(ride: DiscretisedRun) -> Array:
-    """Rows that read the last window's knots, after the oldest one, off [x; c]; (ring - 3, n + ring)."""
-    n, oldest = ride.F.shape[1], ride.newest + len(ride.F) - ride.ring
-    rows = np.zeros((ride.ring - 3, n + ride.ring))
+def _window(run: DiscretisedRun) -> Array:
+    """Rows that map [x; c] to the knots of the last window after the oldest one, (ring - 3, n + ring)."""
+    n, oldest = run.F.shape[1], run.newest + len(run.F) - run.ring
+    rows = np.zeros((run.ring - 3, n + run.ring))
     for i, row in enumerate(rows):
         for k, weight in enumerate((1.0, 4.0, 1.0)):
-            row[n + (oldest + 1 + i + k) % ride.ring] = weight / 6.0
+            row[n + (oldest + 1 + i + k) % run.ring] = weight / 6.0
     return rows
 
 
-def _ring_weights(ride: DiscretisedRun, position: float) -> tuple[Array, Array]:
-    """Weights of r and r' at ``position`` over the ring's places."""
+def _ring_weights(run: DiscretisedRun, position: float) -> tuple[Array, Array]:
+    """Weights of r and r' at ``position`` over the positions of the ring."""
     value, slope, curvature = np.empty((3, COLUMNS))
-    base = int(np.floor(position / ride.spacing))
-    spline_weights(position, ride.spacing, base, value, slope, curvature)
-    places = (base + np.arange(COLUMNS)) % ride.ring
-    over = np.zeros((2, ride.ring))
-    np.add.at(over[0], places, value)
-    np.add.at(over[1], places, slope)
-    return over[0], over[1]
+    base = int(np.floor(position / run.spacing))
+    spline_weights(position, run.spacing, base, value, slope, curvature)
+    positions = (base + np.arange(COLUMNS)) % run.ring
+    weights = np.zeros((2, run.ring))
+    np.add.at(weights[0], positions, value)
+    np.add.at(weights[1], positions, slope)
+    return weights[0], weights[1]

@@ -1,4 +1,4 @@
-"""A ride: the train's motion cut into steps and bays, with one measurement row per valid sample."""
+"""A discretised run: the motion of the train in steps and bays, with one measurement row per valid sample."""
 
 from __future__ import annotations
 
@@ -15,16 +15,20 @@ from trackprofile.models.statespace import StateSpace
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-LONGEST_STEP = 0.05
-"""s: longer steps are cut, so that the paths stay cubics and the step table small."""
+MAX_STEP = 0.05
+"""Maximum step, s: longer steps are divided, so that the paths remain cubics and the step table small."""
 
 
 @dataclass(frozen=True)
 class TimeSteps:
-    """The motion cut into steps that cross at most one knot each.
+    """The motion divided into steps that cross at most one knot each.
 
-    ``position``, ``speed``, ``acceleration`` (steps + 1,) begin with the start; ``interval`` (steps,) in s;
-    ``sample`` (steps,) is the sample at a step's end, or -1; ``first_step`` (bays + 1,) starts each bay.
+    Parameters
+    ----------
+    interval : (steps,), s
+    position, speed, acceleration : (steps + 1,), of the leading wheel, m, m/s, m/s²; the first is the start
+    sample : (steps,), sample at the end of the step, or -1
+    first_step : (bays + 1,), first step of each bay
     """
 
     interval: Array
@@ -37,15 +41,24 @@ class TimeSteps:
 
 @dataclass(frozen=True)
 class DiscretisedRun:
-    """All that the recursions need of a ride; see :mod:`trackprofile.kalman.transition_kernels`.
+    """Transitions and measurement rows of a run; see :mod:`trackprofile.kalman.transition_kernels`.
 
-    ``bases`` (bays, wheels) are the indices of the first coefficients that the wheels reach.
-    ``Q`` (bays, n, n) is what unmodelled accelerations add by the end of each bay, empty (bays, 0, 0) where there
-    are none. ``samples`` and ``sensors`` (rows,) say which sample and sensor each row is;
-    ``bay_position`` (bays,) is where the leading wheel starts each bay, m; knots are counted from
-    ``first_knot`` and lie ``spacing`` m apart. The last of the n states are the sensors' flicker and then their
-    ``offsets``, as many as there are sensors: ``walk`` (bays, flicker + offsets) is the variance that they gain in each
-    bay.
+    Parameters
+    ----------
+    F, G : (bays, n, n), (bays, n, columns), x ← F x + G c over each bay
+    Q : (bays, n, n), covariance that unmodelled accelerations add by the end of each bay; (bays, 0, 0) without them
+    bases : (bays, wheels), index of the first coefficient that each wheel reaches
+    slots : (bays, columns), position of these coefficients in the state
+    rows : (rows, n + columns), measurement rows over the state at the start of the bay
+    first_row : (bays + 1,), first row of each bay
+    samples, sensors : (rows,), sample and sensor of each row
+    bay_position : (bays,), position of the leading wheel at the start of each bay, m
+    spacing : distance between knots, m
+    ring : number of coefficients in the state
+    newest : index of the newest coefficient in the first bay
+    start_position, start_speed : of the leading wheel, m, m/s
+    walk : (bays, flicker + offsets), variance that flicker and offsets, the last states, gain in each bay
+    offsets : number of offsets, one per sensor
     """
 
     F: Array
@@ -68,12 +81,12 @@ class DiscretisedRun:
 
     @property
     def first_knot(self) -> int:
-        """Index of the first knot: it stands at ``first_knot * spacing`` m."""
+        """Index of the first knot; its position is ``first_knot * spacing`` m."""
         return self.newest - self.ring + 1
 
     @property
     def knots(self) -> int:
-        """How many knots the ride determines or passes."""
+        """Number of knots of the run."""
         return len(self.F) + self.ring - 3
 
     @property
@@ -84,7 +97,7 @@ class DiscretisedRun:
 
 @dataclass(frozen=True)
 class OffsetWalk:
-    """Of the offsets: ``duration`` (bays,) in s, and ``rate`` (sensors,) in the sensor's unit per √s."""
+    """Random walk of the offsets: ``duration`` (bays,) in s, and ``rate`` (sensors,) in the sensor's unit per √s."""
 
     duration: Array
     rate: Array
@@ -93,12 +106,12 @@ class OffsetWalk:
 def discretise_run(
     system: StateSpace, motion: Motion, valid: NDArray[np.bool_], spacing: float
 ) -> DiscretisedRun:
-    """Cut the motion into bays and compute each bay's matrices.
+    """Divide the motion into bays and compute the matrices of each bay.
 
     Parameters
     ----------
     motion : of the leading wheel, n samples
-    valid : (n, sensors), which samples count
+    valid : (n, sensors), samples that become measurement rows
     spacing : between knots, m
     """
     steps = time_steps(motion, spacing)
@@ -127,19 +140,19 @@ def discretise_run(
     return DiscretisedRun(
         F, G, Q, bases, n + reached % ring, rows, first_row, samples, sensors, first_position[:, 0],
         spacing, ring, newest,
-        float(steps.position[0]), float(steps.speed[0]), _walking(system, F), len(system.C),
+        float(steps.position[0]), float(steps.speed[0]), _flicker_walk(system, F), len(system.C),
     )  # fmt: skip
 
 
-def with_offset_variance(ride: DiscretisedRun, variance: Array) -> DiscretisedRun:
-    """The ride with offsets that walk by that variance more, (bays, sensors)."""
-    walk = ride.walk.copy()
-    walk[:, -ride.offsets :] += variance
-    return replace(ride, walk=walk)
+def with_offset_variance(run: DiscretisedRun, variance: Array) -> DiscretisedRun:
+    """The run with an additional variance of the offset walk, (bays, sensors)."""
+    walk = run.walk.copy()
+    walk[:, -run.offsets :] += variance
+    return replace(run, walk=walk)
 
 
-def _walking(system: StateSpace, F: Array) -> Array:
-    """What flicker gains in each bay so that its variance stays, σ² (1 - e^(-2ωt)); offsets are constant so far."""
+def _flicker_walk(system: StateSpace, F: Array) -> Array:
+    """Variance that flicker gains in each bay to stay stationary, σ² (1 - e^(-2ωt)); 0 for the offsets."""
     count, offsets = len(system.flicker), len(system.C)
     states = np.arange(count) + len(system.A) - offsets - count
     walk = np.zeros((len(F), count + offsets))
@@ -148,15 +161,15 @@ def _walking(system: StateSpace, F: Array) -> Array:
 
 
 def time_steps(motion: Motion, spacing: float) -> TimeSteps:
-    """Steps between the samples, cut where they are longer than ``LONGEST_STEP`` or cross several knots.
+    """Steps between the samples, divided where they are longer than ``MAX_STEP`` or cross several knots.
 
-    The first step has no length: it ends at the first sample.
+    The first step has zero length: it ends at the first sample.
     """
     bay = np.floor(motion.distance / spacing).astype(np.int64)
     crossed = np.diff(bay)
     # Equal parts of a step that crosses c knots are shorter than a bay if there are c + 1 of them.
     parts = np.where(crossed > 1, crossed + 1, 1)
-    parts = np.maximum(parts, np.ceil(np.diff(motion.time) / LONGEST_STEP).astype(np.int64))
+    parts = np.maximum(parts, np.ceil(np.diff(motion.time) / MAX_STEP).astype(np.int64))
     parts = np.maximum(parts, np.ceil(np.diff(motion.distance) / spacing - 1e-9).astype(np.int64))
     parts = np.maximum(parts, 1)
     end = np.concatenate([[0], np.cumsum(parts)])
@@ -178,7 +191,7 @@ def time_steps(motion: Motion, spacing: float) -> TimeSteps:
 
 
 def _intervals(lengths: Array, speed: Array, durations: Array, parts: Indices) -> Array:
-    """Times of the parts of each step: at the mean speed of its ends, together as long as recorded."""
+    """Durations of the parts of each step, by the mean speed of their ends, scaled to the recorded duration."""
     mean = 0.5 * (speed[1:] + speed[:-1])
     moving = (lengths > 0) & (mean > 0)
     guess = np.where(moving, lengths / np.where(moving, mean, 1.0), 1.0)

@@ -1,9 +1,9 @@
-"""The bays of a ride: compiled, arrays in, arrays out.
+"""Compiled kernels for the transitions and measurement rows of every bay of a run.
 
-The smoother's state is [x; c]: n vehicle states, then a ring of spline coefficients that covers all wheels.
-A *bay* is the run of steps between two entries of a coefficient. Within it nothing random happens, so each
-sample is a row h over the state at the bay's start, and the vehicle moves once, by x ← F x + G c. Each wheel
-reaches ``COLUMNS`` coefficients within a bay; ``slots`` says where they stand in the state.
+The smoother's state is [x; c]: n vehicle states, then a ring of spline coefficients that covers all wheels. A *bay* is
+the sequence of steps between the entries of two coefficients. Within a bay the state moves deterministically, so each
+sample is a row h over the state at the bay's start, and the vehicle moves once, by x ← F x + G c. Each wheel reaches
+``COLUMNS`` coefficients within a bay; ``slots`` holds their positions in the state.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Function = Callable[..., Any]
 
 
 def compiled(function: Function) -> Function:
-    """Compile to machine code, cached on disk; sums may be reordered, NaN and infinity stay exact."""
+    """Compile to machine code, cached on disk; sums may be reordered, NaN and infinity remain exact."""
     flags = {"reassoc", "contract", "nsz", "arcp"}
     return numba.njit(cache=True, nogil=True, fastmath=flags, error_model="numpy")(function)
 
