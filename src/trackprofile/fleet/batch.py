@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from trackprofile.contracts.identity import digest
 from trackprofile.fleet.job import Job, JobResult, Row, State, process_recording
 from trackprofile.fleet.scheduling import done
 
@@ -114,10 +114,17 @@ def _jobs(rows: Sequence[Row], store: Store) -> tuple[dict[str, Job], Mapping[st
     sharing: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
         job = Job(replace(row, number=0), store.url)
-        name = f"trackprofile-{hashlib.sha256(repr(job).encode()).hexdigest()[:32]}"
+        name = _job_name(job)
         jobs[name] = job
         sharing[name].append(row)
     return jobs, sharing
+
+
+def _job_name(job: Job) -> str:
+    """Name of a job for the scheduler, equal for equal jobs."""
+    content = {"row": {**vars(job.row), "file": str(job.row.file)}}
+    content |= {"store": job.store, "software": job.software}
+    return f"trackprofile-{digest(content)[:32]}"
 
 
 def _entries(rows: Sequence[Row], store: Store) -> set[str]:

@@ -6,7 +6,6 @@ itself. Doing a job twice, at once or one after the other, leaves what doing it 
 
 from __future__ import annotations
 
-import hashlib
 import time
 from dataclasses import dataclass
 from datetime import date
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackprofile import __version__
+from trackprofile.contracts.identity import digest
 from trackprofile.errors import FileError, TrackprofileError
 
 if TYPE_CHECKING:
@@ -126,8 +126,8 @@ class ProcessingSettings:
     offset: float
 
     def digest(self) -> str:
-        """Of every number in it."""
-        return hashlib.sha256(repr(self).encode()).hexdigest()
+        """Digest of all parameters of vehicle, installation, track, prior and limits, and of both numbers."""
+        return digest(self)
 
 
 def process_recording(job: Job) -> JobResult:
