@@ -19,6 +19,7 @@ from scipy.special import ndtr
 from trackprofile.assessment.alignment import Alignment
 from trackprofile.assessment.levels import BandLevel
 from trackprofile.bands import Band
+from trackprofile.kalman.reweighting import STANDARD_DEVIATION_PER_MAD
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,7 +31,6 @@ INDEPENDENT = 10
 """Longest waves of a band that the passes have to share before their own scatter is believed."""
 
 _EXACT = 1e-9  # of passes that are copies of each other
-_MAD = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _scatter(level: Array, spread: Array) -> float:
     if not level[1:].size:
         return 1.0
     units = (level[1:] - level[0]) / np.hypot(spread[1:], spread[0])
-    return max(float(_MAD * np.median(np.abs(units))), _EXACT)
+    return max(float(STANDARD_DEVIATION_PER_MAD * np.median(np.abs(units))), _EXACT)
 
 
 def _line(passes: Stack, days: Array) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@
 All nodes' states together have a block-tridiagonal precision matrix, so that the filter forwards and the modified
 Bryson-Frazier recursion backwards (theory, section 7) are linear in the number of nodes.
 
-Two smoothers stand in this package. This one takes any F, Q and h, stores the covariance of every node and smooths
+The package has two smoothers. This one takes any F, Q and h, stores the covariance of every node and smooths
 states of some ten numbers: the position of a train, a smooth curve through GNSS fixes. The other,
 `trackprofile.kalman.smoother`, estimates the profile: its state also holds a sliding window of spline coefficients,
 which enter and leave in a ring, and it stores only what the elevation of each knot needs. Both give the same statistics

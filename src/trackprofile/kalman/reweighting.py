@@ -45,6 +45,10 @@ samples, five standard deviations above 1."""
 CHI_SQUARE_MEDIAN = {1: 0.4549, 2: 1.3863 / 2}
 """Median of the mean square of so many standard normal numbers; for two it is ln 2."""
 
+MAX_NOISE_CHANGE = 4.0
+"""Largest factor by which the noise variance of a source changes in one iteration, so that outliers and noise level do
+not alternate."""
+
 STANDARD_DEVIATION_PER_MAD = 1.4826
 """Standard deviation of a Gaussian over its median absolute deviation, 1/Φ⁻¹(3/4)."""
 
@@ -84,7 +88,7 @@ class LeaveOneOutResiduals:
         --------
         >>> square = np.square(3.0 * np.random.default_rng(1).standard_normal(10000))
         >>> round(LeaveOneOutResiduals(square, np.full(10000, 0.5)).noise_ratio(0.5), 1)
-        8.9
+        9.1
         """
         ratio = np.median(self.square / (noise + self.prediction_variance))
         return float(ratio) / CHI_SQUARE_MEDIAN[self.components]
@@ -143,8 +147,8 @@ def jump_statistics(score: Array, precision: Array, modelled: Array) -> JumpStat
 
     Examples
     --------
-    >>> found = jump_statistics(np.array([6.0, 0.0]), np.array([2.0, 0.0]), np.zeros(2))
-    >>> found.square, found.variance, found.determined
+    >>> jump = jump_statistics(np.array([6.0, 0.0]), np.array([2.0, 0.0]), np.zeros(2))
+    >>> jump.square, jump.variance, jump.determined
     (array([9., 0.]), array([0.5, 1. ]), array([ True, False]))
     """
     determined = precision > MIN_RELATIVE_PRECISION * np.max(precision, initial=0.0)
@@ -159,7 +163,7 @@ def jump_statistics(score: Array, precision: Array, modelled: Array) -> JumpStat
 
 @dataclass(frozen=True)
 class Iteration(Generic[State, Result]):
-    """One iteration: the smoothing result, the state for the next iteration, and whether that one is superfluous."""
+    """Result of one iteration, state for the next one, and whether both states are equal within the tolerance."""
 
     result: Result
     state: State

@@ -5,10 +5,11 @@ Each iteration smooths with the present variances and adapts them to its residua
 - A sample whose leave-one-out residual exceeds five standard deviations is given a noise variance of its own.
 - A stretch of one sensor whose median shows more noise than the sensor states is given a higher noise variance.
 - An offset whose likelihood has a significant score over a jump is allowed to jump there.
-- An offset whose scores are too large all along is given a faster random walk.
+- An offset whose scores are too large over the whole run is given a faster random walk.
 
-Outlier-free data need one iteration and are smoothed as by :func:`trackprofile.kalman.smoother.smooth`. Residuals that
-a sensor shows all along are errors of the model, which no weight of single samples removes: they raise all thresholds.
+Outlier-free data need one iteration and are smoothed as by :func:`trackprofile.kalman.smoother.smooth`. Large
+residuals of a sensor over the whole run are errors of the model, which no weight of single samples removes: they raise
+all thresholds.
 """
 
 from __future__ import annotations
@@ -70,7 +71,8 @@ EXPLAINED_RATIO = 2.0
 """Model-error ratio below which the model is taken to explain the samples."""
 
 MAX_WALK_CHANGE = 30.0
-"""Largest factor by which the variance of an offset's random walk changes in one iteration."""
+"""Largest factor by which the variance of an offset's random walk changes in one iteration: more than that of a noise
+variance, since the stated walk may be wrong by orders of magnitude."""
 
 FREE_ITERATIONS = 4
 """Iterations after which a noise variance falls at most to its geometric mean with the stated one: two samples of a
@@ -80,7 +82,8 @@ MAX_ITERATIONS = 20
 """Outlier-free data need one iteration, spikes three or four, since large ones mask small ones."""
 
 TOLERANCE = 0.2
-"""Largest change of a variance's logarithm in the last iteration."""
+"""Largest change of a variance's logarithm in the last iteration; larger than for positions, since each iteration
+smooths the whole run."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class RobustResult:
 
 
 @dataclass(frozen=True)
-class _State:
+class _RobustState:
     """Variances of an iteration, and the walk ratio of each offset in the iteration before, (sensors,)."""
 
     weights: NoiseWeights
@@ -162,14 +165,14 @@ def smooth_robustly(problem: SmoothingProblem) -> RobustResult:
     posterior, gains and the adapted variances
     """
 
-    def iterate(state: _State, iteration: int) -> Iteration[_State, RobustResult]:
+    def iterate(state: _RobustState, iteration: int) -> Iteration[_RobustState, RobustResult]:
         result = _smooth_with(problem, state.weights, iteration)
         return _adapted(problem, state, result)
 
     return reweight(iterate, _initial_state(problem), MAX_ITERATIONS)
 
 
-def _initial_state(problem: SmoothingProblem) -> _State:
+def _initial_state(problem: SmoothingProblem) -> _RobustState:
     bays, sensors = len(problem.run.F), problem.run.offsets
     weights = NoiseWeights(
         np.ones_like(problem.variance),
@@ -177,7 +180,7 @@ def _initial_state(problem: SmoothingProblem) -> _State:
         np.zeros((bays, sensors)),
         np.zeros(sensors),
     )
-    return _State(weights, np.full(sensors, np.inf))
+    return _RobustState(weights, np.full(sensors, np.inf))
 
 
 def _smooth_with(problem: SmoothingProblem, weights: NoiseWeights, iteration: int) -> RobustResult:
@@ -193,8 +196,8 @@ def _smooth_with(problem: SmoothingProblem, weights: NoiseWeights, iteration: in
 
 
 def _adapted(
-    problem: SmoothingProblem, state: _State, result: RobustResult
-) -> Iteration[_State, RobustResult]:
+    problem: SmoothingProblem, state: _RobustState, result: RobustResult
+) -> Iteration[_RobustState, RobustResult]:
     """Variances for the next iteration."""
     last, stated = state.weights, problem.variance
     weights, model_error = _reweighted(problem, result)
@@ -206,7 +209,9 @@ def _adapted(
         # Walks are adapted last: outliers and jumps that are not yet detected enlarge their scores.
         ratio = np.minimum(walk_ratio, state.walk_ratio)
         weights = _with_adapted_walks(weights, ratio, problem.walk, model_error)
-    return Iteration(result, _State(weights, walk_ratio), _is_converged(weights, last, stated))
+    return Iteration(
+        result, _RobustState(weights, walk_ratio), _is_converged(weights, last, stated)
+    )
 
 
 def _reweighted(problem: SmoothingProblem, result: RobustResult) -> tuple[NoiseWeights, float]:

@@ -26,6 +26,7 @@ from trackprofile.kalman.chain import (
     wiener_acceleration,
 )
 from trackprofile.kalman.reweighting import (
+    MAX_NOISE_CHANGE,
     OUTLIER_THRESHOLD,
     Iteration,
     is_converged,
@@ -64,10 +65,7 @@ MIN_RATIO = 1e-6
 """Lower limit of divisors."""
 
 MAX_MISSING_LENGTH = 0.01
-"""m per m, largest share by which a smooth curve is taken to be too short."""
-
-MAX_NOISE_CHANGE = 4.0
-"""Largest factor by which the noise variance changes in one iteration."""
+"""m per m, largest relative length of the bends that a smooth curve lacks."""
 
 TOLERANCE = 0.1
 """Largest change of the noise variance's logarithm in the last iteration."""
@@ -166,12 +164,12 @@ def _smooth_robustly(chain: GaussMarkovChain, points: Array) -> tuple[ChainPoste
     def iterate(noise: _Noise, number: int) -> Iteration[_Noise, tuple[ChainPosterior, Array]]:
         posterior = smooth_chain(chain, points, noise.variance())
         residuals = posterior.leave_one_out(PLANE_COMPONENTS)
-        shown = max(residuals.noise_ratio(noise.common), MIN_RATIO)
-        change = float(limited_change(shown, MAX_NOISE_CHANGE))
+        ratio = max(residuals.noise_ratio(noise.common), MIN_RATIO)
+        change = float(limited_change(ratio, MAX_NOISE_CHANGE))
         common = max(noise.common * change, MIN_STD**2)
         outlier = residuals.outlier_variance(common, OUTLIER_THRESHOLD**2)
         adapted = _Noise(common, outlier)
-        converged = is_converged(np.array([shown]), TOLERANCE, (outlier, noise.outlier))
+        converged = is_converged(np.array([ratio]), TOLERANCE, (outlier, noise.outlier))
         return Iteration((posterior, adapted.variance()), adapted, converged)
 
     initial = _Noise(INITIAL_STD**2, np.zeros(len(points)))

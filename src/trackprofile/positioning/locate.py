@@ -169,14 +169,14 @@ def _extent(positions: Array) -> float:
 
 def _motion_observations(sources: Sources) -> list[PositionObservations]:
     """Observations of odometer and speeds."""
-    found = []
+    observations = []
     if sources.odometry is not None:
-        found.append(odometry_observations(sources.odometry))
+        observations.append(odometry_observations(sources.odometry))
     if sources.displayed_speed is not None:
-        found.append(displayed_speed_observations(sources.displayed_speed))
+        observations.append(displayed_speed_observations(sources.displayed_speed))
     if sources.gnss is not None and sources.gnss.speed is not None:
-        found.append(gnss_speed_observations(sources.gnss))
-    return [one for one in found if len(one.time)]
+        observations.append(gnss_speed_observations(sources.gnss))
+    return [one for one in observations if len(one.time)]
 
 
 def _wheel_intervals(

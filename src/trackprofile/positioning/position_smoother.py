@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 
 from trackprofile.kalman.chain import ChainPosterior, log_likelihood, smooth_chain
 from trackprofile.kalman.reweighting import (
+    MAX_NOISE_CHANGE,
     NOISE_RATIO_THRESHOLD,
     OUTLIER_THRESHOLD,
     Iteration,
@@ -46,9 +47,6 @@ Mask = NDArray[np.bool_]
 
 KEPT_OUTLIER_THRESHOLD = 4.0
 """Standard deviations beyond which an outlier of the last iteration remains one, so that the iteration ends."""
-
-MAX_NOISE_CHANGE = 4.0
-"""Largest factor by which the noise variance of a source changes in one iteration."""
 
 MAX_SCALE_CHANGE = 0.05
 """Largest change of the logarithm of the wheel scale in one iteration."""
@@ -145,7 +143,7 @@ class PositionEstimate:
 
 
 @dataclass(frozen=True)
-class _State:
+class _PositionState:
     """Variances, prior and linearisation speed, (n,) m/s, of an iteration."""
 
     weights: PositionWeights
@@ -154,11 +152,11 @@ class _State:
 
 
 @dataclass(frozen=True)
-class _Smoothed:
+class _SmoothedPosition:
     """Posterior of an iteration, its variances and prior, and the speed for the next linearisation."""
 
     posterior: ChainPosterior
-    state: _State
+    state: _PositionState
     iterations: int
 
 
@@ -182,7 +180,7 @@ def smooth_position(
     weights = PositionWeights(
         dict.fromkeys(Source, 1.0), np.zeros(len(rows.value)), np.zeros(steps), np.zeros(steps)
     )
-    smoothed = _smooth(rows, _State(weights, prior, initial_speed(rows)))
+    smoothed = _smooth(rows, _PositionState(weights, prior, initial_speed(rows)))
     fixes = rows.measured_by(Source.GNSS_POSITION)
     all_stated = prior.bias_stated and rows.stated[fixes].all()
     if np.count_nonzero(fixes) >= MIN_OBSERVATIONS and not all_stated:
@@ -190,8 +188,8 @@ def smooth_position(
     return _estimate(rows, smoothed)
 
 
-def _smooth(rows: ObservationRows, start: _State) -> _Smoothed:
-    def iterate(state: _State, number: int) -> Iteration[_State, _Smoothed]:
+def _smooth(rows: ObservationRows, start: _PositionState) -> _SmoothedPosition:
+    def iterate(state: _PositionState, number: int) -> Iteration[_PositionState, _SmoothedPosition]:
         posterior = _posterior(rows, state)
         weights = _adapted(state.weights, rows, posterior, number >= ODOMETRY_OUTLIERS_FROM)
         error = float(
@@ -204,13 +202,13 @@ def _smooth(rows: ObservationRows, start: _State) -> _Smoothed:
             and _is_converged(weights, state.weights)
             and abs(error) < SCALE_TOLERANCE
         )
-        result = _Smoothed(posterior, replace(state, speed=speed), number)
-        return Iteration(result, _State(weights, prior, speed), converged)
+        result = _SmoothedPosition(posterior, replace(state, speed=speed), number)
+        return Iteration(result, _PositionState(weights, prior, speed), converged)
 
     return reweight(iterate, start, MAX_ITERATIONS)
 
 
-def _posterior(rows: ObservationRows, state: _State) -> ChainPosterior:
+def _posterior(rows: ObservationRows, state: _PositionState) -> ChainPosterior:
     weights = state.weights
     chain, values = position_chain(
         rows, state.prior, state.speed, weights.slip_variance, weights.jerk_variance
@@ -247,11 +245,11 @@ def _noise_ratio(
     own = rows.measured_by(source)
     if source is Source.STANDSTILL or np.count_nonzero(own) < MIN_OBSERVATIONS:
         return last
-    shown = residuals.select(own).noise_ratio(last * rows.variance[own])
-    adapted = last * float(limited_change(shown, MAX_NOISE_CHANGE))
+    estimated = residuals.select(own).noise_ratio(last * rows.variance[own])
+    adapted = last * float(limited_change(estimated, MAX_NOISE_CHANGE))
     if not rows.stated[own][0]:
         return adapted
-    return max(1.0, adapted) if shown > NOISE_RATIO_THRESHOLD or last > 1.0 else last
+    return max(1.0, adapted) if estimated > NOISE_RATIO_THRESHOLD or last > 1.0 else last
 
 
 def _detected_jumps(
@@ -299,7 +297,7 @@ def _is_converged(new: PositionWeights, old: PositionWeights) -> bool:
     )
 
 
-def _with_likely_gnss_noise(rows: ObservationRows, state: _State) -> _State:
+def _with_likely_gnss_noise(rows: ObservationRows, state: _PositionState) -> _PositionState:
     """State with the most likely bias and noise of the GNSS fixes, as far as they are not stated.
 
     The logarithms of both standard deviations over their typical values have a Gaussian prior.
@@ -309,7 +307,7 @@ def _with_likely_gnss_noise(rows: ObservationRows, state: _State) -> _State:
     free = np.array([not prior.bias_stated, not stated])
     ratio = weights.noise_ratio[Source.GNSS_POSITION]
 
-    def with_noise(logarithms: Array) -> _State:
+    def with_noise(logarithms: Array) -> _PositionState:
         every = np.zeros(len(free))
         every[free] = logarithms
         bias, noise = np.exp(every)
@@ -356,7 +354,7 @@ def initial_speed(rows: ObservationRows) -> Array:
     return np.zeros(len(rows.time))
 
 
-def _estimate(rows: ObservationRows, smoothed: _Smoothed) -> PositionEstimate:
+def _estimate(rows: ObservationRows, smoothed: _SmoothedPosition) -> PositionEstimate:
     posterior, prior = smoothed.posterior, smoothed.state.prior
     state, P = posterior.state[:, :, 0], posterior.covariance
     error = state[:, SCALE]

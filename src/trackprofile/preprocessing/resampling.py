@@ -76,7 +76,7 @@ def _sampled_at(base: Array, series: Series, tolerance: float) -> Array:
     """Values of a series at the times of the base, NaN where it has none."""
     at = np.searchsorted(base, series.time - tolerance)
     near = np.abs(base[np.minimum(at, len(base) - 1)] - series.time) <= tolerance
-    found = (at < len(base)) & near
+    matched = (at < len(base)) & near
     values = np.full(len(base), np.nan)
-    values[at[found]] = series.values[found]
+    values[at[matched]] = series.values[matched]
     return values
