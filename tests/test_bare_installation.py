@@ -58,7 +58,7 @@ def test_infer_without_plot_writes_the_profile_and_names_the_extra(
     [
         ["report", "profile.nc", "--speed", "140 km/h", "-o", "report.pdf"],
         ["reproduce", "-o", "reproduction"],
-        ["calibrate", "recording.toml", "--vehicle", "vehicle.toml", "-o", "new.toml", "--picture", "c.png"],
+        ["calibrate", "recording.toml", "--vehicle", "vehicle.toml", "-o", "new.toml", "--figure", "c.png"],
     ],
     ids=lambda arguments: arguments[0],
 )  # fmt: skip

@@ -107,9 +107,9 @@ def test_page_and_markdown_say_the_same_and_how_to_make_them_anew() -> None:
     ("options", "message"),
     [
         (["-o", "plan.pdf"], "plan.pdf: a plan goes to a file that ends in .html, .md"),
-        (["--recording-km", "0.5"], "a recording of at least 1000 m"),
+        (["--recording-length", "0.5 km"], "a recording of at least 1000 m"),
         (["--utilisation", "2"], "Utilisation: expected above 0 and up to 1, got 2"),
-        (["--sampling", "often"], "'often' is not a frequency"),
+        (["--sampling-rate", "often"], "'often' is not a frequency"),
         (["--prior", "steep"], "steep: there is no such file"),
         (["--store", "nowhere"], "nowhere: there is no store"),
     ],
@@ -147,8 +147,8 @@ def test_measured_cost_is_that_of_the_recording(
     # Four points a metre, each with an elevation and four standard deviations.
     assert 20 < found.stored < 4 * 5 * 8
     with pytest.raises(SystemExit) as ended:
-        main(["plan", "--recording-km", "2", "--sampling", "250 Hz", "--prior", "german-low",
-              "--km", "100", "--json", "-o", str(tmp_path / "plan.html")])  # fmt: skip
+        main(["plan", "--recording-length", "2 km", "--sampling-rate", "250 Hz", "--prior", "german-low",
+              "--length", "100 km", "--json", "-o", str(tmp_path / "plan.html")])  # fmt: skip
     assert ended.value.code == 0
     said = json.loads(capsys.readouterr().out)
     assert said["measured"]["stored"] == pytest.approx(found.stored, rel=0.01)

@@ -74,7 +74,7 @@ def test_passes_out_of_a_store_make_the_same_and_what_was_fused_is_no_pass(
     to = ("--store", store, *STORED)
     for one in dated(folder):
         path, day = one.split("=")
-        code, _, said = run("store", "add", path, *to, "--day", day, "--speed", "140 km/h")
+        code, _, said = run("store", "add", path, *to, "--date", day, "--speed", "140 km/h")
         assert code == 0, said
     run("fuse", *dated(folder), "-o", tmp_path / "files.nc")
     assert run("fuse", *to, "-o", tmp_path / "once.nc")[0] == 0
@@ -85,7 +85,7 @@ def test_passes_out_of_a_store_make_the_same_and_what_was_fused_is_no_pass(
     assert np.sqrt(np.mean(apart**2)) < 0.1 * float(files["standard_deviation_D1"].median())
     rates = [name for name in once.data_vars if str(name).startswith("rate")]
     write(once.drop_vars(rates), tmp_path / "level.nc")
-    more = ("--day", LAST, "--run", "fused", "--speed", "140 km/h")
+    more = ("--date", LAST, "--run", "fused", "--speed", "140 km/h")
     code, _, said = run("store", "add", tmp_path / "level.nc", *to, *more)
     assert code == 0, said
     assert run("fuse", *to, "-o", tmp_path / "twice.nc")[0] == 0
@@ -104,7 +104,7 @@ def test_a_line_keeps_its_rate_in_every_format_and_is_no_pass(
     write(made, line)
     xr.testing.assert_equal(read(line), made)
     assert read(line).attrs["method"].startswith("fusion of")
-    to = ("--store", tmp_path / "S", *STORED, "--day", LAST, "--speed", "140 km/h", "--run", "1")
+    to = ("--store", tmp_path / "S", *STORED, "--date", LAST, "--speed", "140 km/h", "--run", "1")
     code, _, said = run("store", "add", line, *to)
     assert code == 1
     assert "a store keeps single passes" in said
@@ -118,7 +118,7 @@ def test_a_line_that_a_store_does_not_know_has_no_pass(
 ) -> None:
     path, day = dated(folder)[0].split("=")
     to = ("--store", tmp_path / "S", "--direction", "up", "--line")
-    run("store", "add", path, *to, "Main", "--day", day, "--speed", "140 km/h")
+    run("store", "add", path, *to, "Main", "--date", day, "--speed", "140 km/h")
     code, _, said = run("fuse", *to, "Branch", "-o", tmp_path / "x.nc")
     assert code == 1
     assert "there is no pass of 'Branch', 'up'" in said
@@ -132,7 +132,7 @@ def test_a_line_that_a_store_does_not_know_has_no_pass(
         (["0.nc"], "expected a profile and its day"),
         (["other.nc=2026-05-02"], "At most half of the 2 passes correlate with one another"),
         (["vague.nc=2026-05-02"], "the profile does not state its standard deviation"),
-        (["1.nc=2026-05-16", "--day", "31.5.2026"], "expected a day such as 2026-05-31"),
+        (["1.nc=2026-05-16", "--date", "31.5.2026"], "expected a date such as 2026-05-31"),
         (["1.nc=2026-05-16", "--from", "5000"], "choose a stretch inside it"),
     ],
 )

@@ -32,7 +32,15 @@ def test_recording_truth_and_pictures_are_left_and_infer_takes_them(
         "run.html",
         "run.png",
     }
-    arguments = ("--vehicle", "velaro", "--track", "zhai-layered", "--prior", "fra-6", "--correct")
+    arguments = (
+        "--vehicle",
+        "velaro",
+        "--track",
+        "zhai-layered",
+        "--prior",
+        "fra-6",
+        "--full-track-correction",
+    )
     assert run("infer", recording, "-o", profile, *arguments) == 0
     capsys.readouterr()
     assert run("compare", profile, truth, "--from", 50, "--to", 250, "--json") == 0

@@ -14,7 +14,16 @@ from trackprofile import read, write
 from trackprofile import store as stores
 from trackprofile.contracts import content_digest
 
-PASS = ("--line", "Main / North", "--direction", "up", "--day", "2026-05-31", "--speed", "140 km/h")
+PASS = (
+    "--line",
+    "Main / North",
+    "--direction",
+    "up",
+    "--date",
+    "2026-05-31",
+    "--speed",
+    "140 km/h",
+)
 
 
 @pytest.fixture
@@ -78,7 +87,7 @@ def test_a_version_that_is_not_shown_is_told(profiles: Path, at: Path, run: Run)
     _, out, _ = run(*given, "--revision", "1")
     assert out.startswith("Stored as")
     _, _, said = run(
-        "add", profiles / "may.nc", "--store", at, *PASS, "--run", "06:12", "--passes", "2"
+        "add", profiles / "may.nc", "--store", at, *PASS, "--run", "06:12", "--forward-backward"
     )
     assert "Another version of this recording stays the one shown: see --revision." in said
     _, out, _ = run("list", "--store", at, "--line", "Main / North", "--json")
@@ -102,7 +111,7 @@ def test_a_contradiction_is_one_sentence_and_changes_nothing(
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"--day": "31.5.2026"}, "'31.5.2026': expected a day such as 2026-05-31"),
+        ({"--date": "31.5.2026"}, "'31.5.2026': expected a date such as 2026-05-31"),
         ({"--line": ""}, "A pass needs the name of its line"),
         ({"--speed": "fast"}, "fast"),
     ],
@@ -144,14 +153,14 @@ def test_list_shows_lines_then_passes(at: Path, run: Run) -> None:
     ]
     for chosen in (
         ["--line", "Main / North"],
-        ["--first", "2026-05-31"],
+        ["--first-date", "2026-05-31"],
         ["--from", "600"],
         ["--direction", "up"],
     ):
         assert len(run("list", "--store", at, *chosen)[1].splitlines()) == 2
     for others in (
         ["--line", "Main"],
-        ["--first", "2026-06-01"],
+        ["--first-date", "2026-06-01"],
         ["--from", "601"],
         ["--direction", "down"],
     ):
@@ -261,19 +270,19 @@ def test_verify_exits_1_where_a_byte_was_flipped_and_tidy_leaves_it_alone(
     )
     code, out, _ = run("verify", "--store", at, "--json")
     assert (code, len(json.loads(out)["problems"])) == (1, 1)
-    assert run("tidy", "--store", at)[:2] == (0, "0 files removed.\n")
+    assert run("clean", "--store", at)[:2] == (0, "0 files removed.\n")
     assert path.exists()
 
 
 def test_tidy_removes_half_a_pass_and_makes_the_index(at: Path, run: Run) -> None:
     next(at.glob("entries/**/*.json")).unlink()
-    assert run("tidy", "--store", at)[1] == "0 files removed.\n"
-    code, out, _ = run("tidy", "--store", at, "--now", "--json")
+    assert run("clean", "--store", at)[1] == "0 files removed.\n"
+    code, out, _ = run("clean", "--store", at, "--now", "--json")
     assert (code, len(json.loads(out)["removed"]), json.loads(out)["index"]) == (0, 6, "")
 
 
 def test_a_store_that_is_not_there_is_said(tmp_path: Path, run: Run) -> None:
-    for command in (["list"], ["show", "0"], ["verify"], ["tidy"], ["export", "-o", "x.nc"]):
+    for command in (["list"], ["show", "0"], ["verify"], ["clean"], ["export", "-o", "x.nc"]):
         code, out, said = run(*command, "--store", tmp_path / "none")
         assert (code, out) == (1, "")
         assert f"{tmp_path / 'none'}: there is no store at this location; check it" in said

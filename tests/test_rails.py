@@ -386,7 +386,7 @@ def test_infer_says_what_it_knows_of_each_rail(boxes, tmp_path: Path, capsys) ->
     write_vehicle(WAGON, Installation(), tmp_path / "wagon.toml")
     run(
         "infer", tmp_path / "run.nc", "--vehicle", tmp_path / "wagon.toml", "-o", tmp_path / "p.nc",
-        "--draws", "8", "--to", "120", "--json",
+        "--samples", "8", "--to", "120", "--json",
     )  # fmt: skip
     said = capsys.readouterr().out
     assert '"standard_deviation_per_rail_mm": {"left": {"D1": ' in said

@@ -188,7 +188,7 @@ def test_assess_prints_a_summary_and_writes_tables(profile, tmp_path: Path, run:
     )
     outputs = [tmp_path / name for name in ("a.csv", "a.parquet", "a.geojson")]
     code, out, err = run(
-        "assess", tmp_path / "p.nc", "--speed", "140 km/h", "--way", way,
+        "assess", tmp_path / "p.nc", "--speed", "140 km/h", "--chainage", way,
         *(word for path in outputs for word in ("-o", path)),
     )  # fmt: skip
     assert code == 0
@@ -221,8 +221,8 @@ def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
     write(later, after)
     page = tmp_path / "r.html"
     code, out, _ = run(
-        "report", after, "--speed", "140 km/h", "--earlier", f"{before}=2026-05-03",
-        "--day", "2026-06-02", "--beside", before, "-o", page,
+        "report", after, "--speed", "140 km/h", "--previous", f"{before}=2026-05-03",
+        "--date", "2026-06-02", "--compare-with", before, "-o", page,
     )  # fmt: skip
     assert code == 0
     text = page.read_text(encoding="utf-8")
@@ -246,8 +246,8 @@ def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
         (["assess", "P", "--speed", "100 km/h", "-o", "x.xlsx"], "tables go to a file that ends in"),
         (["assess", "P", "--speed", "100 km/h", "-o", "x.geojson"], "needs latitude and longitude"),
         (["assess", "P", "--speed", "100 km/h", "--limits", "none"], "none"),
-        (["assess", "P", "--speed", "100 km/h", "--way", "no.csv"], "expected a table of the way"),
-        (["report", "P", "--speed", "100 km/h", "-o", "x.html", "--day", "2026-01-01"], "needs both"),
+        (["assess", "P", "--speed", "100 km/h", "--chainage", "no.csv"], "expected a table of the way"),
+        (["report", "P", "--speed", "100 km/h", "-o", "x.html", "--date", "2026-01-01"], "needs both"),
         (["changes", "P=2026-01-01"], "needs two passes or more"),
         (["changes", "P", "P"], "expected a profile and its day"),
     ],

@@ -22,10 +22,10 @@ FILTER_NAME = "4th-order Butterworth, zero phase, -3 dB at the limits"
 """Name of the filter, stored with every filtered result: results of different filters are not comparable."""
 
 FILTER_NAMES = {
-    1: FILTER_NAME,
-    2: "4th-order Butterworth, forwards and backwards, -6 dB at the limits",
+    False: FILTER_NAME,
+    True: "4th-order Butterworth, forwards and backwards, -6 dB at the limits",
 }
-"""Name of the filter by the number of times it is applied: both conventions are in use."""
+"""Name of the filter by `forward_backward`: both conventions are in use."""
 
 _ORDER = 4
 _LARGEST_STEP = 3.0  # times the median step; a larger step is a gap
@@ -99,7 +99,7 @@ def gain(band: Band, omega: ArrayLike) -> NDArray[np.float64]:
 
 
 def band_pass(
-    values: ArrayLike, spacing: float, band: Band, passes: int = 1
+    values: ArrayLike, spacing: float, band: Band, *, forward_backward: bool = False
 ) -> NDArray[np.float64]:
     """Filter a profile, or many samples of one, to a band, without phase shift.
 
@@ -112,8 +112,8 @@ def band_pass(
     values : profile along the last axis, samples along the others, (..., n) [m, or any unit]
     spacing : distance between two values [m]
     band : wavelength band
-    passes : number of times the filter is applied: 1 for `FILTER_NAME`; 2 for the other convention, forwards and
-        backwards, with -6 dB at the limits
+    forward_backward : apply the filter forwards and backwards, the other convention, with -6 dB at the limits; False:
+        the filter of `FILTER_NAME`
 
     Returns
     -------
@@ -145,7 +145,7 @@ def band_pass(
     fraction = np.arange(1, last) / last
     line = values[..., :1] * (1 - fraction) + values[..., -1:] * fraction
     sines = np.asarray(dst(values[..., 1:-1] - line, type=1, axis=-1, overwrite_x=True))
-    sines *= gain(band, np.pi / spacing * fraction) ** passes
+    sines *= gain(band, np.pi / spacing * fraction) ** (2 if forward_backward else 1)
     filtered = np.zeros_like(values)
     filtered[..., 1:-1] = idst(sines, type=1, axis=-1, overwrite_x=True)
     return filtered
@@ -199,14 +199,14 @@ def edge_distance(band: Band) -> float:
 
 
 def band_pass_pieces(
-    values: ArrayLike, spacing: float, band: Band, passes: int = 1
+    values: ArrayLike, spacing: float, band: Band, *, forward_backward: bool = False
 ) -> NDArray[np.float64]:
     """Filter a profile with gaps to a band: each piece between gaps separately.
 
     Parameters
     ----------
     values : profile, NaN in gaps, (n,) [any unit]
-    spacing, band, passes : see `band_pass`
+    spacing, band, forward_backward : see `band_pass`
 
     Returns
     -------
@@ -223,7 +223,9 @@ def band_pass_pieces(
     filtered = np.full_like(values, np.nan)
     for piece in runs(np.isfinite(values)):
         if not obstacle(band, spacing, spacing * (piece.stop - piece.start - 1)):
-            filtered[piece] = band_pass(values[piece], spacing, band, passes)
+            filtered[piece] = band_pass(
+                values[piece], spacing, band, forward_backward=forward_backward
+            )
     return filtered
 
 

@@ -87,13 +87,14 @@ def si_unit(dimension: str) -> str:
     return next(iter(FACTORS[dimension]))
 
 
-def quantity(text: str, dimension: str) -> float:
+def quantity(text: str, dimension: str, *, default_unit: str = "") -> float:
     """Convert text with a number and its unit to SI.
 
     Parameters
     ----------
     text : such as ``"150 km/h"``
     dimension : key of `FACTORS`
+    default_unit : unit of a number without one; empty: a unit is required
 
     Raises
     ------
@@ -103,13 +104,16 @@ def quantity(text: str, dimension: str) -> float:
     --------
     >>> quantity("36 km/h", "speed")
     10.0
+    >>> quantity("75", "length", default_unit="m")
+    75.0
     """
-    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*?)\s*", text)
+    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*?)?\s*", text)
+    unit = (match[2] or default_unit) if match else ""
     try:
-        number, unit = (float(match[1]), match[2]) if match else (math.nan, "")
+        number = float(match[1]) if match else math.nan
     except ValueError:
-        number, unit = math.nan, ""
-    if not math.isfinite(number):
+        number = math.nan
+    if not (unit and math.isfinite(number)):
         raise UnitError(
             f"{text!r} is not a {dimension}; write a number and its unit, "
             f"one of {', '.join(FACTORS[dimension])}."
@@ -137,6 +141,19 @@ def to_si(values: ArrayLike, unit: str, dimension: str) -> NDArray[np.float64]:
     array([10., 20.])
     """
     return np.asarray(values, dtype=np.float64) * unit_factor(unit, dimension)
+
+
+def counted(number: int, noun: str) -> str:
+    """A number of things, with the noun in singular or plural.
+
+    Examples
+    --------
+    >>> counted(1, "location"), counted(2, "pass"), counted(0, "file")
+    ('1 location', '2 passes', '0 files')
+    """
+    if number == 1:
+        return f"1 {noun}"
+    return f"{number} {noun}{'es' if noun.endswith(('s', 'x', 'ch', 'sh')) else 's'}"
 
 
 def _plain(unit: str) -> str:

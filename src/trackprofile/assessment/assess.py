@@ -76,7 +76,7 @@ def assess(
     lengths: Sequence[float] = SECTION_LENGTHS,
     spectra: Mapping[str, Roughness] | None = None,
     least_probability: float = LEAST_PROBABILITY,
-    passes: int = 1,
+    forward_backward: bool = False,
 ) -> Assessment:
     """Judge a profile by the limits of its line's speed, band by band (EN 13848-5 and -6).
 
@@ -89,7 +89,7 @@ def assess(
     lengths : of sections [m]
     spectra : known spectra by name, to name the nearest to each stretch
     least_probability : that the lowest limit is exceeded, from which a defect is listed
-    passes : of the band filter, as of `bands.FILTER_NAMES`
+    forward_backward : apply the band filter forwards and backwards, see `bands.band_pass`
 
     Raises
     ------
@@ -110,7 +110,7 @@ def assess(
         raise DataError(f"Speed of the line: expected above 0 km/h, got {speed / KM_H:g} km/h.")
     if not 0 < least_probability < 1:
         raise DataError(f"Least probability: expected between 0 and 1, got {least_probability:g}.")
-    levels, notes = band_levels(profile, bands, passes)
+    levels, notes = band_levels(profile, bands, forward_backward=forward_backward)
     defects, sections, untold = [], [], []
     for name, level in levels.items():
         heights, classes = limits.defects_at(name, speed), limits.classes_at(name, speed)
@@ -142,7 +142,7 @@ def assess(
             *notes,
         ),
         about={str(name): str(value) for name, value in profile.attrs.items()},
-        filter=FILTER_NAMES[passes],
+        filter=FILTER_NAMES[forward_backward],
     )
 
 

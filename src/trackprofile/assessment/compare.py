@@ -89,7 +89,7 @@ def compare(
     to_m: float | None = None,
     bands: Sequence[Band] = BANDS,
     largest_lag: float = 5.0,
-    passes: int = 1,
+    forward_backward: bool = False,
 ) -> Comparison:
     """Align a profile with a reference and state their agreement per band.
 
@@ -104,7 +104,7 @@ def compare(
     from_m, to_m : the stretch, by the reference's distance; all that they share if None [m]
     bands : to state
     largest_lag : searched to both sides; 0 aligns nothing [m]
-    passes : of the filter, as of `bands.band_pass`; a stated standard deviation is that of one pass
+    forward_backward : of the filter, see `bands.band_pass`; a stated standard deviation is that of the default filter
 
     Raises
     ------
@@ -128,7 +128,7 @@ def compare(
     inside = _stretch(pair.distance, from_m, to_m)
     compared: dict[str, BandComparison | None] = {}
     for band in bands:
-        compared[band.name], reason = _compare_band(pair, band, inside, lag, passes)
+        compared[band.name], reason = _compare_band(pair, band, inside, lag, forward_backward)
         notes += reason
     first, last = float(pair.distance[0]), float(pair.distance[-1])
     return Comparison(
@@ -155,11 +155,11 @@ class _Pair:
         longest = max((piece.stop - piece.start for piece in pieces), default=1)
         return obstacle(band, self.spacing, (longest - 1) * self.spacing)
 
-    def in_band(self, band: Band, passes: int = 1) -> tuple[Array, Array]:
+    def in_band(self, band: Band, *, forward_backward: bool = False) -> tuple[Array, Array]:
         """Both in a band; NaN where no piece carries it."""
         return (
-            band_pass_pieces(self.profile, self.spacing, band, passes),
-            band_pass_pieces(self.reference, self.spacing, band, passes),
+            band_pass_pieces(self.profile, self.spacing, band, forward_backward=forward_backward),
+            band_pass_pieces(self.reference, self.spacing, band, forward_backward=forward_backward),
         )
 
 
@@ -236,12 +236,12 @@ def _correlation(one: Array, other: Array) -> float:
 
 
 def _compare_band(
-    pair: _Pair, band: Band, inside: NDArray[np.bool_], lag: float, passes: int
+    pair: _Pair, band: Band, inside: NDArray[np.bool_], lag: float, forward_backward: bool
 ) -> tuple[BandComparison | None, tuple[str, ...]]:
     reason = pair.obstacle(band)
     if reason:
         return None, (reason,)
-    profile, reference = pair.in_band(band, passes)
+    profile, reference = pair.in_band(band, forward_backward=forward_backward)
     here = inside & np.isfinite(profile)
     if np.count_nonzero(here) < 2:
         return None, (f"Band {band.name}: the stretch lies in gaps or pieces too short for it",)

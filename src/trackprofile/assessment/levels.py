@@ -97,7 +97,7 @@ class BandLevel:
 
 
 def band_levels(
-    profile: xr.Dataset, bands: Sequence[Band], passes: int = 1
+    profile: xr.Dataset, bands: Sequence[Band], *, forward_backward: bool = False
 ) -> tuple[Mapping[str, BandLevel], tuple[str, ...]]:
     """The profile in each band, and one sentence per band that it cannot carry anywhere.
 
@@ -105,7 +105,7 @@ def band_levels(
     ----------
     profile : the profile contract
     bands : to filter by
-    passes : of the filter, as of `bands.band_pass`; a stated standard deviation is that of one pass
+    forward_backward : of the filter, see `bands.band_pass`; a stated standard deviation is that of the default filter
 
     Raises
     ------
@@ -127,7 +127,7 @@ def band_levels(
         if reason:
             notes.append(f"{reason}: it is not assessed")
             continue
-        level = band_pass_pieces(elevation, spacing, band, passes)
+        level = band_pass_pieces(elevation, spacing, band, forward_backward=forward_backward)
         levels[band.name] = BandLevel(
             band,
             grid,

@@ -195,6 +195,27 @@ def unverified(limits: Limits, bands: Sequence[str], speed: float) -> tuple[str,
     return _unverified(limits, used)
 
 
+UNVERIFIED = "not verified against the standard"
+
+UNVERIFIED_NOTE = (
+    "Limits are not verified against the standard; see `trackprofile report` or docs/assessment.md"
+)
+"""Stands for all notes about unverified limits where a list of them would hide the results."""
+
+
+def condense_notes(notes: Sequence[str]) -> list[str]:
+    """The notes of an assessment with one note in place of all that name unverified limits.
+
+    Examples
+    --------
+    >>> notes = ["Limits 'ours', isolated defects in D1: not verified against the standard (source: memo)", "Other"]
+    >>> condense_notes(notes)[1:]
+    ['Other']
+    """
+    others = [one for one in notes if UNVERIFIED not in one]
+    return others if len(others) == len(notes) else [UNVERIFIED_NOTE, *others]
+
+
 def unverified_accuracies(limits: Limits, bands: Sequence[str]) -> tuple[str, ...]:
     """The same for what runs may differ by, in some bands by name."""
     return _unverified(
@@ -207,7 +228,7 @@ _Rule = DefectLimits | QualityClasses | Accuracy | Duties
 
 def _unverified(limits: Limits, used: Sequence[tuple[str, _Rule | None]]) -> tuple[str, ...]:
     return tuple(
-        f"Limits {limits.name!r}, {what}: not verified against the standard (source: {one.source})"
+        f"Limits {limits.name!r}, {what}: {UNVERIFIED} (source: {one.source})"
         for what, one in used
         if one is not None and not one.verified and not _empty(one)
     )

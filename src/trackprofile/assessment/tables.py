@@ -18,6 +18,12 @@ from trackprofile.positioning.chainage import ChainageTable
 Table = dict[str, list[Any]]
 """Columns of equal length, by name."""
 
+ASSESSMENT_TABLES = ("defects", "sections", "not_assessed", "spectra")
+"""Names of the tables of an assessment."""
+
+TREND_TABLES = ("changes", "repeatability")
+"""Names of the tables of a trend."""
+
 _MILLI = 1e3
 
 

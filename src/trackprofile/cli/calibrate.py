@@ -1,4 +1,4 @@
-"""`trackprofile calibrate`: recordings go in, with or without a reference; a vehicle as it is comes out."""
+"""`trackprofile calibrate`: fit a vehicle model to recordings."""
 
 from __future__ import annotations
 
@@ -8,43 +8,72 @@ from typing import Annotated
 import typer
 
 from trackprofile.cli import show
-from trackprofile.cli.options import From, Json, RequiredVehicle, To, TrackName, read_as
+from trackprofile.cli.options import From, Json, RequiredVehicle, To, TrackName, flag, read_as
 
 
 def calibrate(
-    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...")],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...",
+            help="One or more recordings of runs with this vehicle: TOML or NetCDF.",
+        ),
+    ],
     vehicle: RequiredVehicle,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="TOML", help="The vehicle.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="TOML", help="File to write the fitted vehicle model to."
+        ),
+    ],
     reference: Annotated[
         Path | None,
-        typer.Option(metavar="PROFILE", help="The profile there, where it is known."),
+        typer.Option(
+            metavar="PROFILE",
+            help="Known profile of the track that the recordings were made on: .nc, .csv or .parquet. Default: the "
+            "profile is unknown and the vehicle is fitted from the agreement of sensors and speeds.",
+        ),
     ] = None,
     track: TrackName = "rigid",
     prior: Annotated[
         str | None,
-        typer.Option(metavar="SPECTRUM", help="Shape of the unknown profile: a preset, or a TOML."),
+        typer.Option(
+            metavar="SPECTRUM",
+            help="Shape of the roughness spectrum of the unknown profile: a preset such as german-low, or a TOML file.",
+        ),
     ] = None,
     parameter: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="To fit; may be repeated. Without: all that can be."),
+        typer.Option(
+            metavar="NAME",
+            help='Parameter to fit, such as "primary stiffness". Repeatable. Default: all that the data determine.',
+        ),
     ] = None,
-    anyway: Annotated[
-        bool, typer.Option(help="Write also what the data tell less than the prior.")
+    keep_undetermined: Annotated[
+        bool,
+        flag(
+            "--keep-undetermined",
+            "Fit and write also parameters that the data determine less than the prior does. Default: they keep their "
+            "starting values.",
+        ),
     ] = False,
     from_m: From = None,
     to_m: To = None,
-    picture: Annotated[
+    figure: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="A .png: how sure each parameter is, what is left."),
+        typer.Option(
+            metavar="FILE",
+            help="PNG file for a figure of each parameter's likelihood and of the signals' residuals.",
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Fit a vehicle to recordings, with or without a reference for the profile under them."""
+    """Fit the parameters of a vehicle model to recordings, with or without a known reference profile."""
     from trackprofile.calibration.calibrate import calibrate as fit
     from trackprofile.contracts import select_stretch
-    from trackprofile.io.atomic import check_writable, whole_files
+    from trackprofile.io.atomic import check_places, whole_files
     from trackprofile.io.model_toml import (
-        check_vehicle_path,
+        check_vehicle_place,
         read_spectrum,
         read_track,
         read_vehicle,
@@ -56,23 +85,23 @@ def calibrate(
         write_png,
     )
 
-    check_vehicle_path(output)
-    if picture is not None:
+    check_vehicle_place(output)
+    if figure is not None:
         check_png_library()
-        check_writable(picture)
-    measured = [select_stretch(read_as(path, "recording"), from_m, to_m) for path in recordings]
-    known = (
+        check_places(figure)
+    data = [select_stretch(read_as(path, "recording"), from_m, to_m) for path in recordings]
+    profile = (
         None if reference is None else select_stretch(read_as(reference, "profile"), from_m, to_m)
     )
-    car, installation = read_vehicle(vehicle)
+    model, installation = read_vehicle(vehicle)
     support = read_track(track)
     spectrum = None if prior is None else read_spectrum(prior)
     with show.progress_bars() as progress:
-        found = fit(
-            measured, car, known, installation=installation, track=support, prior=spectrum,
-            parameters=parameter, keep_undetermined=anyway, progress=progress,
+        calibration = fit(
+            data, model, profile, installation=installation, track=support, prior=spectrum,
+            parameters=parameter, anyway=keep_undetermined, progress=progress,
         )  # fmt: skip
-    result = found.as_dict()
+    result = calibration.as_dict()
     origin = {
         "recordings": [path.name for path in recordings],
         "reference": None if reference is None else reference.name,
@@ -80,14 +109,15 @@ def calibrate(
         "from_m": from_m,
         "to_m": to_m,
     }
-    write_vehicle(found.vehicle, found.installation, output, origin | result)
-    if picture is not None:
-        with whole_files(picture) as (file,):
-            write_png(calibration_figure(found), file)
+    write_vehicle(calibration.vehicle, calibration.installation, output, origin | result)
+    if figure is not None:
+        with whole_files(figure) as (file,):
+            write_png(calibration_figure(calibration), file)
     if as_json:
         show.as_one_object({"file": str(output)} | origin | result)
         return
-    show.note(found.notes)
+    show.note(calibration.notes)
     show.estimates(result["parameters"])
-    drawn = "" if picture is None else f" How sure it is: {picture}."
-    show.say(f"Vehicle in {output}: give it to infer with --vehicle.{drawn}")
+    show.say(f"Vehicle in {output}: use it with infer --vehicle {output}.")
+    if figure is not None:
+        show.say(f"Likelihoods and residuals in {figure}.")

@@ -6,77 +6,130 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from trackprofile.cli import show
-from trackprofile.cli.options import From, Json, OptionalVehicle, To, TrackName, read_as
+from trackprofile.cli.options import From, Json, OptionalVehicle, To, TrackName, flag, read_as
 from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
     from trackprofile.checkpoint import CheckpointStore
 
 INTERRUPTED_EXIT = 130
-"""As a shell has it of what ends by Ctrl-C."""
+"""Exit code of a command that Ctrl-C ended, as shells define it."""
 
 
 class Method(StrEnum):
-    """How `infer` finds the profile."""
+    """Methods of `infer`."""
 
     SMOOTHER = "smoother"
     CROSS_ENTROPY = "cross-entropy"
 
 
 class Evaluation(StrEnum):
-    """How cross-entropy computes what a trial profile does."""
+    """How cross-entropy computes the signals of trial profiles."""
 
     AFFINE = "affine"
     SIMULATION = "simulation"
 
 
 def infer(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="TOML or NetCDF.")],
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING",
+            help="Recording of one run: a TOML file that describes a logger's file, or NetCDF.",
+        ),
+    ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="PROFILE", help=".nc, .csv or .parquet.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="PROFILE",
+            help="File to write the profile to: .nc, .csv or .parquet.",
+        ),
     ],
     vehicle: OptionalVehicle = None,
     track: TrackName = "rigid",
-    method: Annotated[Method, typer.Option(help="How to find it.")] = Method.SMOOTHER,
+    method: Annotated[
+        Method,
+        typer.Option(
+            help="smoother: a Kalman smoother, with standard deviations. cross-entropy: the search published in 2017, "
+            "which gives no standard deviations."
+        ),
+    ] = Method.SMOOTHER,
     prior: Annotated[
         str | None,
-        typer.Option(metavar="S", help="A spectrum, preset or TOML; without, found from the data."),
+        typer.Option(
+            metavar="SPECTRUM",
+            help="Roughness spectrum of the track that the smoother assumes before it uses the data: a preset such as "
+            "german-low, or a TOML file. Default: a smooth spectrum whose level is estimated from the recording.",
+        ),
     ] = None,
     from_m: From = None,
     to_m: To = None,
-    draws: Annotated[
+    samples: Annotated[
         int | None,
-        typer.Option(min=2, help="Behind the bands' uncertainty: 128, for a long ride down to 24."),
+        typer.Option(
+            min=2,
+            help="Number of posterior samples from which the smoother computes the standard deviations of the bands; "
+            "more samples are more precise and take longer. Default: 128, for long runs down to 24.",
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the draws, or of the search.")] = 0,
-    correct: Annotated[
-        bool, typer.Option("--correct", help="For a layered track: correct by its full model.")
+    seed: Annotated[
+        int,
+        typer.Option(
+            help="Seed of the random numbers of the posterior samples or of the search; the same seed gives the same "
+            "result."
+        ),
+    ] = 0,
+    full_track_correction: Annotated[
+        bool,
+        flag(
+            "--full-track-correction",
+            "Correct the profile once for what the full model of a layered track adds to the reduced model that the "
+            "smoother uses. Needs a layered --track.",
+        ),
     ] = False,
-    load: Annotated[
-        bool, typer.Option("--load", help="Find what the body weighs on the day.")
+    estimate_load: Annotated[
+        bool,
+        flag(
+            "--estimate-load",
+            "Also estimate the mass of the vehicle's body on the day of the run. Default: the mass of the vehicle "
+            "model.",
+        ),
     ] = False,
     search: Annotated[
         str | None,
-        typer.Option(metavar="S", help="Of cross-entropy: table-5, table-6 or a TOML."),
+        typer.Option(
+            metavar="SETTINGS",
+            help="Settings of the cross-entropy search: table-5 or table-6 of the article, or a TOML file. Default: "
+            "table-5 for one sensor, table-6 for several.",
+        ),
     ] = None,
     evaluation: Annotated[
-        Evaluation, typer.Option(help="Of cross-entropy's trial profiles.")
+        Evaluation,
+        typer.Option(
+            help="How cross-entropy computes the signals of a trial profile: affine, by the model's matrices (fast), "
+            "or simulation, by time integration. The results are equal to rounding."
+        ),
     ] = Evaluation.AFFINE,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a long run that was interrupted.")
+        bool,
+        flag(
+            "--resume",
+            "Continue a run of the smoother that was interrupted, from the part that is already solved.",
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Infer a track profile, with its uncertainty, from a recording.
+    """Infer a track profile with its standard deviation from a recording.
 
-    Beside PROFILE a page (.html) and a picture (.png) of the same name show it. Cross-entropy, the published
-    method that the smoother replaces, gives no uncertainty. A long run keeps what it has solved in a hidden folder
-    beside PROFILE until it ends.
+    An HTML figure and a PNG figure of the same name are written next to PROFILE. During a long run the solved part is
+    kept in a hidden folder next to PROFILE.
     """
     from trackprofile.checkpoint import checkpoint_key, checkpoint_store
     from trackprofile.contracts import select_stretch
@@ -84,7 +137,6 @@ def infer(
     from trackprofile.inference.settings import InferenceSettings
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.io.vehicle_of_recording import vehicle_of_recording
-    from trackprofile.methods.cross_entropy import search_settings as searches
     from trackprofile.methods.cross_entropy.search_toml import read_search
     from trackprofile.reporting.result_files import (
         estimate_files,
@@ -93,65 +145,94 @@ def infer(
         write_estimate,
     )
 
-    _only_of(method, prior=prior, correct=correct, load=load, resume=resume, search=search)
+    _check_method_options(
+        method,
+        prior=prior,
+        full_track_correction=full_track_correction,
+        estimate_load=estimate_load,
+        resume=resume,
+        search=search,
+    )
     estimate_files(output)
-    measured = read_as(recording, "recording")
-    car, installation = vehicle_of_recording(measured, recording, vehicle)
-    support, spectrum = read_track(track), None if prior is None else read_spectrum(prior)
-    settings = None if search is None else read_search(search)
-    measured = select_stretch(measured, from_m, to_m)
-    kept, stopped = None, ""
+    data = read_as(recording, "recording")
+    model, installation = vehicle_of_recording(data, recording, vehicle)
+    settings = InferenceSettings(
+        installation, read_track(track), None if prior is None else read_spectrum(prior), samples, seed,
+        full_track_correction, estimate_load,
+    )  # fmt: skip
+    search_settings = None if search is None else read_search(search)
+    data = select_stretch(data, from_m, to_m)
+    checkpoint = None
+    exit_code = 0
     if method is Method.CROSS_ENTROPY:
-        from trackprofile.methods.cross_entropy.estimator import cross_entropy
-
-        chosen = searches.CrossEntropySettings(
-            installation, support, settings, searches.Evaluation(evaluation.value), seed
+        estimated, exit_code = _cross_entropy(
+            data, model, settings, search_settings, evaluation, as_json=as_json
         )
-        with show.progress_bars() as progress, _interruptible(kept):
-            found = cross_entropy(measured, car, chosen, progress=progress)
-        stopped = found.stopped
     else:
-        options = InferenceSettings(installation, support, spectrum, draws, seed, correct, load)
-        kept, said = checkpoint_store(
-            output, checkpoint_key(measured, vehicle=car, settings=options), resume=resume
+        checkpoint, notes = checkpoint_store(
+            output, checkpoint_key(data, vehicle=model, settings=settings), resume=resume
         )
-        show.note(said)
-        with show.progress_bars() as progress, _interruptible(kept):
-            found = estimate(measured, car, options, progress=progress, checkpoint=kept)
-    files = list(map(str, write_estimate(found, measured, output)))
-    if kept is not None:
-        kept.discard()
-    result = summary(found)
+        show.note(notes)
+        with show.progress_bars() as progress, _interruptible(checkpoint, as_json=as_json):
+            estimated = estimate(data, model, settings, progress=progress, checkpoint=checkpoint)
+    files = list(map(str, write_estimate(estimated, data, output)))
+    if checkpoint is not None:
+        checkpoint.discard()
+    result = summary(estimated)
     result["notes"] += figure_notes(files)
     if as_json:
         show.as_one_object({"files": files, "method": method.value} | result)
     else:
         show.profile(files, result)
-    if stopped:
-        from trackprofile.methods.cross_entropy.estimator import INTERRUPTED
+    if exit_code:
+        raise typer.Exit(exit_code)
 
-        raise typer.Exit(INTERRUPTED_EXIT if stopped == INTERRUPTED else 1)
+
+def _cross_entropy(
+    data: Any, model: Any, settings: Any, search: Any, evaluation: Evaluation, *, as_json: bool
+) -> tuple[Any, int]:
+    """The estimate of the cross-entropy search, and the exit code: not 0 if it ended early."""
+    from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
+    from trackprofile.methods.cross_entropy.search import Evaluation as Computation
+
+    computations = {
+        Evaluation.AFFINE: Computation.MAP,
+        Evaluation.SIMULATION: Computation.SIMULATION,
+    }
+    with show.progress_bars() as progress, _interruptible(None, as_json=as_json):
+        estimated = cross_entropy(
+            data, model, installation=settings.installation, track=settings.track, seed=settings.seed,
+            search=search, evaluation=computations[evaluation], progress=progress,
+        )  # fmt: skip
+    if not estimated.stopped:
+        return estimated, 0
+    return estimated, INTERRUPTED_EXIT if estimated.stopped == INTERRUPTED else 1
 
 
 @contextmanager
-def _interruptible(kept: CheckpointStore | None) -> Iterator[None]:
-    """Ctrl-C ends the command with what to do to go on."""
+def _interruptible(checkpoint: CheckpointStore | None, *, as_json: bool) -> Iterator[None]:
+    """End the command on Ctrl-C with a message that states how to continue."""
     try:
         yield
     except KeyboardInterrupt:
-        done = 0 if kept is None else len(kept)
-        there = (
-            f"; {done} blocks are kept: go on with --resume" if done else "; nothing was written"
+        from trackprofile.units import counted
+
+        solved = 0 if checkpoint is None else len(checkpoint)
+        state = (
+            f"{counted(solved, 'solved block')} kept: continue with --resume"
+            if solved
+            else "nothing was written"
         )
-        show.note([f"Interrupted{there}."])
+        show.error(f"Interrupted; {state}.", as_json=as_json)
         raise typer.Exit(INTERRUPTED_EXIT) from None
 
 
-def _only_of(method: Method, **given: object) -> None:
-    """Refuse an option of the other method, which would otherwise be passed over in silence."""
-    others = {"search"} if method is Method.SMOOTHER else {"prior", "correct", "load", "resume"}
-    for name in sorted(others & given.keys()):
-        if given[name]:
+def _check_method_options(method: Method, **options: object) -> None:
+    """Refuse options of the other method, which would have no effect."""
+    other = {"search"} if method is Method.SMOOTHER else set(options) - {"search"}
+    for name in sorted(other):
+        if options[name]:
             raise DataError(
-                f"--{name} is not of the method {method.value}; leave it out, or choose the other --method"
+                f"--{name.replace('_', '-')} has no effect with --method {method.value}; leave it out, or choose the "
+                "other method."
             )

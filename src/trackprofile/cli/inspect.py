@@ -1,4 +1,4 @@
-"""`trackprofile inspect`: what is in a logger's file, and the TOML that `infer` needs."""
+"""`trackprofile inspect`: the content of a logger's file, and the TOML that `infer` needs."""
 
 from __future__ import annotations
 
@@ -15,35 +15,42 @@ if TYPE_CHECKING:
 
 
 def inspect(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="As the logger wrote it.")],
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="File of recorded signals, as the logger wrote it."),
+    ],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="TOML", help="Write what infer needs, to correct."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="TOML",
+            help="File to write the description to that infer needs; check and correct it. Default: it is printed.",
+        ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Say what is in a logger's file: channels, units, rates, gaps and what each probably is.
+    """List the columns of a logger's file with their probable meaning, units, rates and gaps.
 
-    The TOML says how the file is to be read. It is a guess: correct it before it is believed.
+    The proposed TOML states how the file is to be read. It is a guess: check it before use.
     """
     from trackprofile.io.inspection import write_toml
-    from trackprofile.reader import inspect as inspected
+    from trackprofile.reader import inspect as inspect_file
 
-    found = inspected(file)
-    written = None if output is None else write_toml(found, output)
+    inspection = inspect_file(file)
+    written = None if output is None else write_toml(inspection, output)
     if as_json:
-        show.as_one_object(_as_dict(found) | {"toml": None if written is None else str(written)})
+        path = None if written is None else str(written)
+        show.as_one_object(_as_dict(inspection) | {"toml": path})
         return
-    heads = ("column", "probably", "unit", "values", "missing", "Hz", "least", "mean", "greatest")
-    show.table(heads, [_row(one) for one in found.contents])
-    show.note(_about(found))
+    heads = ("column", "probably", "unit", "values", "missing", "Hz", "minimum", "mean", "maximum")
+    show.table(heads, [_row(one) for one in inspection.contents])
+    show.note(_description(inspection))
     if written is None:
-        show.say("With -o run.toml this is written:\n")
-        show.say(found.toml.rstrip())
+        show.say("Proposed TOML (write it to a file with -o):\n")
+        show.say(inspection.toml.rstrip())
         return
-    show.say(
-        f"How to read it stands in {written}: correct what is marked there, then give it to infer."
-    )
+    show.say(f"Description in {written}: correct the marked entries, then use it with infer.")
 
 
 def _row(content: ColumnContent) -> tuple[str, ...]:
@@ -59,30 +66,31 @@ def _row(content: ColumnContent) -> tuple[str, ...]:
     )
 
 
-def _about(found: Inspection) -> list[str]:
-    """What a recording read in this way would be, and what is wrong with it."""
+def _description(inspection: Inspection) -> list[str]:
+    """The recording that the guess gives, and its faults."""
     from trackprofile.inference.outliers import describe_faults
     from trackprofile.preprocessing.motion import motion
+    from trackprofile.units import counted
 
-    if found.recording is None:
-        return [f"As guessed it is no recording: {found.notes[0]}"]
-    recording = found.recording
-    count = recording.sizes["sample"]
+    if inspection.recording is None:
+        return [f"With this guess the file is not a valid recording: {inspection.notes[0]}"]
+    recording = inspection.recording
+    count = counted(recording.sizes["sample"], "sample")
     speed = recording["speed"].to_numpy() if "speed" in recording else None
-    fast = "" if speed is None else f", {3.6 * speed.min():.0f} to {3.6 * speed.max():.0f} km/h"
+    speeds = "" if speed is None else f", {3.6 * speed.min():.0f} to {3.6 * speed.max():.0f} km/h"
     return [
-        f"As guessed it is a recording of {count} samples{fast}.",
-        *(f"{note[0].upper()}{note[1:]}." for note in found.notes),
+        f"With this guess the file is a recording of {count}{speeds}.",
+        *(f"{note[0].upper()}{note[1:]}." for note in inspection.notes),
         *(
             f"{note[0].upper()}{note[1:]}."
-            for note in describe_faults(found.faults, motion(recording).distance)
+            for note in describe_faults(inspection.faults, motion(recording).distance)
         ),
     ]
 
 
-def _as_dict(found: Inspection) -> dict[str, Any]:
+def _as_dict(inspection: Inspection) -> dict[str, Any]:
     return {
-        "file": str(found.path),
+        "file": str(inspection.path),
         "columns": [
             {
                 "name": one.heading.name,
@@ -92,15 +100,15 @@ def _as_dict(found: Inspection) -> dict[str, Any]:
                 "values": one.rows,
                 "missing": one.missing,
                 "rate_hz": one.rate,
-                "least": _finite(one.least),
+                "minimum": _finite(one.least),
                 "mean": _finite(one.mean),
-                "greatest": _finite(one.greatest),
+                "maximum": _finite(one.greatest),
             }
-            for one in found.contents
+            for one in inspection.contents
         ],
-        "faults": [vars(one) | {"kind": str(one.kind)} for one in found.faults],
-        "notes": list(found.notes),
-        "readable": found.recording is not None,
+        "faults": [vars(one) | {"kind": str(one.kind)} for one in inspection.faults],
+        "notes": list(inspection.notes),
+        "readable": inspection.recording is not None,
     }
 
 

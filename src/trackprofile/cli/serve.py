@@ -1,4 +1,4 @@
-"""`trackprofile serve`: the page over a store."""
+"""`trackprofile serve`: the web viewer of a store."""
 
 from __future__ import annotations
 
@@ -8,60 +8,65 @@ from typing import Annotated
 import typer
 
 from trackprofile.cli import show
-from trackprofile.cli.options import Json
+from trackprofile.cli.options import Json, StoreUrl
 from trackprofile.errors import FileError
 
 
 def serve(
-    store: Annotated[str, typer.Option("--store", metavar="S", help="A folder, or a URL.")],
+    store: StoreUrl,
     host: Annotated[
         str,
         typer.Option(
-            metavar="ADDRESS", help="To listen on; others than this machine need a token."
+            metavar="ADDRESS",
+            help="Network address to listen on. Any address other than this machine's own requires a token from "
+            "clients; 0.0.0.0 listens on all.",
         ),
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any that is free.")] = 8000,
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, help="TCP port to listen on; 0 selects a free port."),
+    ] = 8000,
     token_file: Annotated[
         Path | None,
         typer.Option(
             "--token-file",
             metavar="FILE",
-            help="Holds the token; without, one is made and printed once.",
+            help="File that holds the access token. Default: a token is generated and printed once if one is needed.",
         ),
     ] = None,
-    name: Annotated[
+    hostname: Annotated[
         list[str] | None,
         typer.Option(
-            "--name",
+            "--hostname",
             metavar="NAME",
-            help="That this server goes by, such as track.example.org. Repeatable.",
+            help="Host name under which clients reach this server, such as track.example.org; requests for other "
+            "names are refused. Repeatable. Default: localhost and the addresses of this machine.",
         ),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Show a store's lines in a browser, and as JSON to other programs; nothing is written."""
+    """Serve a web viewer and a JSON API for the passes in a store, which is only read."""
     try:
-        from trackprofile.server.serve import bind
-        from trackprofile.server.serve import serve as answer
+        from trackprofile.server.serve import listener
+        from trackprofile.server.serve import serve as run_server
     except ModuleNotFoundError as error:
         if str(error.name).startswith("trackprofile"):
             raise
         raise FileError(
-            f"The page needs {error.name}, which is not installed: pip install 'trackprofile[network]'."
+            f"The web viewer needs {error.name}, which is not installed: pip install 'trackprofile[network]'."
         ) from error
     from trackprofile.server.session import read_token
     from trackprofile.store import lines, open_store
 
-    there = open_store(store)
-    lines(there)  # an entry that is damaged is told now
+    opened = open_store(store)
+    lines(opened)  # reports a damaged entry before the server starts
     token = None if token_file is None else read_token(token_file)
-    on = bind(host, port, token, name or ())
+    listening = listener(host, port, token, hostname or ())
     if as_json:
-        show.as_one_object(
-            {"address": on.address, "token": on.settings.token if on.token_generated else None}
-        )
+        generated = listening.rules.token if listening.made else None
+        show.as_one_object({"address": listening.address, "token": generated})
     else:
-        show.say(f"Open {on.address} in a browser; Ctrl-C ends it.")
-        if on.token_generated:
-            show.say(f"Token, said this once: {on.settings.token}")
-    answer(there, on)
+        show.say(f"Open {listening.address} in a browser; Ctrl-C ends the server.")
+        if listening.made:
+            show.say(f"Token, shown only once: {listening.rules.token}")
+    run_server(opened, listening)

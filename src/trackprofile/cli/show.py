@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -21,7 +22,7 @@ say = typer.echo
 
 @contextmanager
 def progress_bars() -> Iterator[Callable[[str, float], None] | None]:
-    """What to tell of each stage the share that is done; None where nobody looks at bars."""
+    """A function that shows the completed share of each stage; None if standard error is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -31,18 +32,35 @@ def progress_bars() -> Iterator[Callable[[str, float], None] | None]:
     with Progress(console=Console(stderr=True), transient=True) as bars:
         stages: dict[str, Any] = {}
 
-        def tell(stage: str, share: float) -> None:
+        def update(stage: str, share: float) -> None:
             if stage not in stages:
                 stages[stage] = bars.add_task(stage, total=1.0)
             bars.update(stages[stage], completed=share)
 
-        yield tell
+        yield update
 
 
-def note(sentences: Sequence[str]) -> None:
-    """Print messages."""
-    for sentence in sentences:
-        typer.echo(printable(sentence), err=True)
+def note(messages: Sequence[str]) -> None:
+    """Print messages, one per line."""
+    for message in messages:
+        typer.echo(printable(message), err=True)
+
+
+def note_sentences(notes: Sequence[str]) -> None:
+    """Print notes, which have no full stop, as sentences."""
+    note([f"{one}." for one in notes])
+
+
+def error(message: str, *, as_json: bool) -> None:
+    """Print an error message; with --json also as one object."""
+    note([message])
+    if as_json:
+        as_one_object({"error": printable(message)})
+
+
+def json_requested(context: typer.Context) -> bool:
+    """Whether the command line has --json, for an option that is handled before the others are read."""
+    return bool((context.obj or {}).get("json"))
 
 
 def as_one_object(result: Mapping[str, Any]) -> None:
@@ -51,7 +69,7 @@ def as_one_object(result: Mapping[str, Any]) -> None:
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table: the first column to the left, the others, numbers, to the right."""
+    """Print a table: the first column left-aligned, the others, numbers, right-aligned."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -61,18 +79,24 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         lines.add_column(head, justify="right" if number else "left")
     for row in rows:
         lines.add_row(*(Text(printable(cell)) for cell in row))
-    # A pipe has no width: what a program reads must not be wrapped.
-    # What stands in brackets is a unit in a column's name, not a colour.
+    # A pipe has no width, and output that a program reads must not be wrapped.
+    # Brackets in a column's name enclose a unit, not a style.
     width = None if sys.stdout.isatty() else 200
     Console(width=width, markup=False, emoji=False).print(lines)
 
 
+def tables_in(files: Sequence[Path]) -> None:
+    """Print where tables were written, if any were."""
+    if files:
+        say(f"Tables in {', '.join(map(str, files))}.")
+
+
 def comparison(result: Comparison) -> None:
-    """Print how a profile agrees with its reference, a line per band."""
+    """Print the agreement of a profile with its reference, one line per band."""
     say(f"From {round(result.from_m)} m to {round(result.to_m)} m:")
     heads = ("band", "correlation", "RMS error, mm", "reference RMS, mm", "gain", "lag, m")
     rows = [(name, *_agreement(band)) for name, band in result.bands.items()]
-    table((*heads, "inside stated 95 %"), rows)
+    table((*heads, "within stated 95 %"), rows)
 
 
 def _agreement(band: BandComparison | None) -> tuple[str, ...]:
@@ -89,7 +113,7 @@ def _agreement(band: BandComparison | None) -> tuple[str, ...]:
 
 
 def estimates(parameters: Mapping[str, Mapping[str, Any]]) -> None:
-    """Print what a calibration found, a line per parameter."""
+    """Print the results of a calibration, one line per parameter."""
     table(
         ("parameter", "value", "standard error", "unit", "started from"),
         [
@@ -106,18 +130,22 @@ def estimates(parameters: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def see_figures(figures: Sequence[str]) -> None:
-    """Print where the figures are, where there are any."""
+    """Print where figures were written, if any were."""
     if figures:
-        say(f"See it in {' or '.join(figures)}.")
+        say(f"Figures in {' and '.join(figures)}.")
 
 
 def profile(files: Sequence[str], result: Mapping[str, Any]) -> None:
-    """What infer found, in words."""
+    """Print the result of infer."""
     note(result["notes"])
     say(f"Profile from {round(result['from_m'])} m to {round(result['to_m'])} m in {files[0]}.")
-    apart = result.get("standard_deviation_per_rail_mm", {})
+    per_rail = result.get("standard_deviation_per_rail_mm", {})
     for band, deviation in result["standard_deviation_mm"].items():
-        rails = [f"{rail} {found[band]:.3f} mm" for rail, found in apart.items() if band in found]
+        rails = [
+            f"{rail} {deviations[band]:.3f} mm"
+            for rail, deviations in per_rail.items()
+            if band in deviations
+        ]
         more = f" (mean), {', '.join(rails)}" if rails else ""
         say(f"Standard deviation in {band}: {deviation:.3f} mm{more}")
     see_figures(files[1:])

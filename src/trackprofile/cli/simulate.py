@@ -1,4 +1,4 @@
-"""`trackprofile simulate`: a scenario goes in, a recording and the truth come out."""
+"""`trackprofile simulate`: from a scenario to a recording and the profile that it was simulated on."""
 
 from __future__ import annotations
 
@@ -8,47 +8,74 @@ from typing import Annotated
 import typer
 
 from trackprofile.cli import show
+from trackprofile.cli.options import Json, flag
 
 
-def _print_names(wanted: bool) -> None:
+def _print_names(context: typer.Context, wanted: bool) -> None:
     if wanted:
         from trackprofile.scenario import scenarios
 
-        for name in scenarios():
-            show.say(name)
+        names = list(scenarios())
+        if show.json_requested(context):
+            show.as_one_object({"scenarios": names})
+        else:
+            for name in names:
+                show.say(name)
         raise typer.Exit
 
 
 def simulate(
     scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="A TOML, or the name of a built-in scenario.")
+        str,
+        typer.Argument(
+            metavar="SCENARIO", help="Scenario: a TOML file, or the name of a built-in scenario."
+        ),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="RECORDING", help="NetCDF, or TOML with CSV.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="RECORDING",
+            help="File to write the recording to: .nc, or .toml with a CSV table next to it.",
+        ),
     ],
     truth: Annotated[
-        Path, typer.Option(metavar="PROFILE", help="The unloaded profile: .nc, .csv or .parquet.")
+        Path,
+        typer.Option(
+            metavar="PROFILE",
+            help="File to write the simulated unloaded profile to: .nc, .csv or .parquet.",
+        ),
     ],
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Of the sensors' noise, in place of the scenario's.")
+        int | None,
+        typer.Option(
+            min=0,
+            help="Seed of the sensors' noise; the same seed gives the same noise. Default: the scenario's seed.",
+        ),
     ] = None,
     check_step: Annotated[
         bool,
-        typer.Option("--check-step", help="Simulate with half the step too, and say what changes."),
+        flag(
+            "--check-step",
+            "Repeat the simulation with half the time step and report by how much the signals differ.",
+        ),
     ] = False,
     names: Annotated[
         bool,
         typer.Option(
-            "--list", callback=_print_names, is_eager=True, help="Name the built-in scenarios."
+            "--list",
+            metavar="",
+            callback=_print_names,
+            is_eager=True,
+            help="Print the names of the built-in scenarios and exit.",
         ),
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
+    as_json: Json = False,
 ) -> None:
-    """Simulate what sensors on a train record, and write down the track that it ran on.
+    """Simulate the signals that sensors on a train record, and write them with the profile of the track.
 
-    Beside RECORDING a page (.html) and a picture (.png) of the same name show what happened.
+    An HTML figure and a PNG figure of the same name are written next to RECORDING.
     """
     from trackprofile.reporting.result_files import (
         figure_notes,
@@ -57,15 +84,16 @@ def simulate(
         write_simulation,
     )
     from trackprofile.scenario import read_scenario, run_scenario, step_errors
+    from trackprofile.units import counted
 
     simulation_files(output, truth)
     ready = read_scenario(scenario, seed)
     with show.progress_bars() as progress:
-        made = run_scenario(ready, progress or (lambda stage, share: None))
-    changes = step_errors(ready, made) if check_step else {}
+        run = run_scenario(ready, progress or (lambda stage, share: None))
+    changes = step_errors(ready, run) if check_step else {}
     title = f"Simulation {ready.name}: {ready.vehicle.name}"
-    files = list(map(str, write_simulation(made, output, truth, title)))
-    result = {"files": files} | simulation_summary(made, changes)
+    files = list(map(str, write_simulation(run, output, truth, title)))
+    result = {"files": files} | simulation_summary(run, changes)
     result["notes"] += figure_notes(files)
     if as_json:
         show.as_one_object(result)
@@ -73,10 +101,10 @@ def simulate(
     show.note(result["notes"])
     ends = f"{result['from_m']:.0f} m to {result['to_m']:.0f} m"
     show.say(
-        f"Recording of {result['samples']} samples from {ends} in {files[0]}, truth in {files[1]}."
+        f"Recording of {counted(result['samples'], 'sample')} from {ends} in {files[0]}, profile in {files[1]}."
     )
-    forces = 1e-3 * made.simulation.contact_force
+    forces = 1e-3 * run.simulation.contact_force
     show.say(f"Contact forces {forces.min():.1f} to {forces.max():.1f} kN.")
     for name, change in changes.items():
-        show.say(f"At half the step {name} changes by {100 * change:.2g} %.")
+        show.say(f"With half the time step {name} changes by {100 * change:.2g} %.")
     show.see_figures(files[2:])

@@ -1,25 +1,37 @@
-"""`trackprofile store add | list | show | export | verify | tidy`: every pass over a network, in one place."""
+"""`trackprofile store add | list | show | export | verify | clean`: all passes over a network, in one store."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
-from datetime import timedelta
+from datetime import date, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from trackprofile.cli import show
-from trackprofile.cli.assess import (
-    FilterPasses,
+from trackprofile.cli.inputs import (
+    ChainageFile,
     LimitsName,
     Profile,
     Speed,
-    WayFile,
-    judged,
-    way_of,
+    as_text,
+    assess_profile,
+    read_chainage_table,
 )
-from trackprofile.cli.options import From, Json, To, day_of, read_as
+from trackprofile.cli.options import (
+    FirstDate,
+    ForwardBackward,
+    From,
+    Json,
+    LastDate,
+    StoreUrl,
+    To,
+    flag,
+    parse_date,
+    read_as,
+)
+from trackprofile.cli.usage import Command, Group
 from trackprofile.errors import DataError
 
 if TYPE_CHECKING:
@@ -32,229 +44,293 @@ if TYPE_CHECKING:
 PASSES = "passes"
 
 app = typer.Typer(
-    help="Every pass over a network's lines: profiles and assessments, in a folder or at a URL.",
+    cls=Group,
+    help="Store the profiles and assessments of all passes over a network, in a folder or at a URL.",
     no_args_is_help=True,
 )
 
-At = Annotated[
-    str, typer.Option("--store", metavar="S", help="A folder, or a URL such as s3://bucket/passes.")
+LineFilter = Annotated[
+    str | None,
+    typer.Option(
+        "--line", metavar="LINE", help="Use only passes over this line. Default: all lines."
+    ),
 ]
-OfLine = Annotated[str | None, typer.Option("--line", metavar="L", help="Its passes only.")]
-OfDirection = Annotated[str | None, typer.Option("--direction", metavar="D", help="Only that.")]
-First = Annotated[str | None, typer.Option("--first", metavar="DAY", help="From this day on.")]
-Last = Annotated[str | None, typer.Option("--last", metavar="DAY", help="Up to this day.")]
+DirectionFilter = Annotated[
+    str | None,
+    typer.Option(
+        "--direction",
+        metavar="DIRECTION",
+        help="Use only passes in this direction. Default: all directions.",
+    ),
+]
 AllVersions = Annotated[
-    bool, typer.Option("--all-versions", help="Not only the newest of each recording.")
+    bool,
+    flag(
+        "--all-versions",
+        "Include all versions of each recording's profile. Default: only the newest.",
+    ),
 ]
-Which = Annotated[str, typer.Argument(metavar="ENTRY", help="Its name, or how that begins.")]
+EntryName = Annotated[
+    str,
+    typer.Argument(
+        metavar="ENTRY", help="Name of the pass in the store, or the beginning of the name."
+    ),
+]
 
 
-@app.command()
+@app.command(cls=Command)
 def add(
     profile: Profile,
-    at: At,
-    line: Annotated[str, typer.Option(metavar="L", help="That was passed.")],
-    direction: Annotated[str, typer.Option(metavar="D", help="Such as up or down.")],
-    day: Annotated[str, typer.Option(metavar="DAY", help="Such as 2026-05-31.")],
+    store: StoreUrl,
+    line: Annotated[str, typer.Option(metavar="LINE", help="Name of the line.")],
+    direction: Annotated[
+        str, typer.Option(metavar="DIRECTION", help="Direction of the run, such as up or down.")
+    ],
+    day: Annotated[
+        str, typer.Option("--date", metavar="DATE", help="Date of the run, such as 2026-05-31.")
+    ],
     speed: Speed,
     run: Annotated[
-        str, typer.Option(metavar="R", help="Which pass of the day: its time, or the train.")
+        str,
+        typer.Option(
+            metavar="RUN",
+            help="Identifier of the run among those of the day: its time, or the train's number. Default: none.",
+            show_default=False,
+        ),
     ] = "",
     limits: LimitsName = "en-13848",
-    way: WayFile = None,
-    passes: FilterPasses = 1,
+    chainage: ChainageFile = None,
+    forward_backward: ForwardBackward = False,
     revision: Annotated[
-        int, typer.Option(min=0, help="Of several versions of a recording the greatest is shown.")
+        int,
+        typer.Option(
+            min=0,
+            help="Rank of this version of the recording's profile: of several versions the one with the highest "
+            "revision is shown.",
+        ),
     ] = 0,
     as_json: Json = False,
 ) -> None:
-    """Assess a profile and store both; the same again changes nothing. A store that is not there is begun."""
+    """Assess a profile and store both. A store that does not exist is created; the same pass is stored once."""
     from trackprofile import store as stores
+    from trackprofile.assessment.limits import condense_notes
+    from trackprofile.units import counted
 
-    place = stores.PassKey(line, direction, day_of(day), run)
-    measured, along = read_as(profile, "profile"), way_of(way)
-    found = judged(measured, limits, speed, passes)
-    origin = _origin(measured, profile.name, found, along, revision)
-    added = stores.add(stores.create(at), place, measured, found, origin, chainage=along)
-    notes = list(found.notes)
+    key = stores.PassKey(line, direction, parse_date(day), run)
+    dataset, table = read_as(profile, "profile"), read_chainage_table(chainage)
+    assessment = assess_profile(dataset, limits, speed, forward_backward=forward_backward)
+    origin = _origin(dataset, profile.name, assessment, table, revision)
+    added = stores.add(stores.create(store), key, dataset, assessment, origin, chainage=table)
+    notes = list(assessment.notes)
     if not added.shown:
-        notes.append("Another version of this recording stays the one shown: see --revision")
+        notes.append(
+            "Another version of this recording remains the one that is shown: see --revision"
+        )
     if as_json:
         show.as_one_object(
             {"new": added.new, "shown": added.shown, "notes": notes, "entry": _as_dict(added.entry)}
         )
         return
-    show.note([f"{note}." for note in notes])
-    done = "Stored as" if added.new else "It was there already:"
+    show.note_sentences(condense_notes(notes))
+    state = "Stored as" if added.new else "Already in the store:"
     size = sum(one.size for one in added.entry.files.values())
-    show.say(f"{done} {added.entry.id}, {size / 1e6:.2f} MB in {len(added.entry.files)} files.")
+    files = counted(len(added.entry.files), "file")
+    show.say(f"{state} {added.entry.id}, {size / 1e6:.2f} MB in {files}.")
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 def list_passes(
-    at: At,
-    line: OfLine = None,
-    direction: OfDirection = None,
-    first: First = None,
-    last: Last = None,
+    store: StoreUrl,
+    line: LineFilter = None,
+    direction: DirectionFilter = None,
+    first_date: FirstDate = None,
+    last_date: LastDate = None,
     from_m: From = None,
     to_m: To = None,
     all_versions: AllVersions = False,
     as_json: Json = False,
 ) -> None:
-    """List the lines that are there; of a line or of days, their passes."""
+    """List the lines of a store; with any filter, list the passes that match it."""
     from trackprofile.store import lines, open_store
 
-    store = open_store(at)
-    narrowed = (line, direction, first, last, from_m, to_m)
-    if all_versions or any(one is not None for one in narrowed):
-        _list(_found(store, *narrowed, all_versions=all_versions), as_json=as_json)
+    opened = open_store(store)
+    filters = _filters(line, direction, first_date, last_date, from_m, to_m)
+    if all_versions or any(one is not None for one in filters.values()):
+        _print_passes(_find(opened, filters, all_versions=all_versions), as_json=as_json)
         return
-    there = lines(store)
+    stored = lines(opened)
     if as_json:
         show.as_one_object(
             {
                 "lines": [
-                    asdict(one) | {"days": [day.isoformat() for day in one.days]} for one in there
+                    asdict(one) | {"days": [each.isoformat() for each in one.days]}
+                    for one in stored
                 ]
             }
         )
         return
     show.table(
-        ("line", "direction", "from, m", "to, m", "passes", "first day", "last day"),
+        ("line", "direction", "from, m", "to, m", "passes", "first date", "last date"),
         [
             (_visible(one.line), _visible(one.direction), f"{one.start:.0f}", f"{one.end:.0f}", str(one.passes),
              one.days[0].isoformat(), one.days[-1].isoformat())
-            for one in there
+            for one in stored
         ],
     )  # fmt: skip
 
 
-@app.command("show")
-def show_pass(which: Which, at: At, as_json: Json = False) -> None:
-    """Show what is known of a pass: where, when, from what, how, and how well."""
-    from trackprofile.store import open_store
+@app.command("show", cls=Command)
+def show_pass(name: EntryName, store: StoreUrl, as_json: Json = False) -> None:
+    """Show one pass: line, date, extent, standard deviations, defects, vehicle, method and files."""
+    from trackprofile.assessment.limits import condense_notes
+    from trackprofile.store import find, open_store
 
-    entry = _one(open_store(at), which)
+    entry = _select(find(open_store(store), all_versions=True), name)
     if as_json:
         show.as_one_object(_as_dict(entry))
         return
     rows = [("entry", entry.id), ("line", entry.line), ("direction", entry.direction)]
-    rows += [("day", entry.day.isoformat()), ("run", entry.run)]
+    rows += [("date", entry.day.isoformat()), ("run", entry.run)]
     rows += [("from, to", f"{entry.start:.2f} m, {entry.end:.2f} m")]
     rows += [("known", f"{100 * entry.known_share:.1f} % of {entry.points} points")]
-    spreads = entry.standard_deviations.items()
-    rows += [(f"standard deviation in {band}", f"{1e3 * one:.3f} mm") for band, one in spreads]
-    rows += [(f"defects, {action}", str(count)) for action, count in entry.defects.items()]
-    rows += [(name, str(value)) for name, value in asdict(entry.origin).items()]
     rows += [
-        (name, f"{one.size} B, SHA-256 {one.sha256[:16]}...") for name, one in entry.files.items()
+        (f"standard deviation in {band}", f"{1e3 * value:.3f} mm")
+        for band, value in entry.standard_deviations.items()
     ]
-    width = max(len(name) for name, _ in rows)
-    for name, value in rows:
-        show.say(f"{name:<{width}}  {_visible(value)}")
-    show.note([f"{note}." for note in entry.notes])
+    rows += [(f"defects, {action}", str(count)) for action, count in entry.defects.items()]
+    rows += [(key, str(value)) for key, value in asdict(entry.origin).items()]
+    rows += [
+        (file, f"{one.size} B, SHA-256 {one.sha256[:16]}...") for file, one in entry.files.items()
+    ]
+    width = max(len(head) for head, _ in rows)
+    for head, value in rows:
+        show.say(f"{head:<{width}}  {_visible(value)}")
+    show.note_sentences(condense_notes(entry.notes))
 
 
-@app.command()
+@app.command(cls=Command)
 def export(
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help=".nc, .csv or .parquet.")
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="File to write to: .nc, .csv or .parquet for a profile; .csv or .parquet for tables, one file per "
+            "table, its name is appended.",
+        ),
     ],
-    at: At,
-    which: Annotated[
-        str | None, typer.Option("--entry", metavar="ENTRY", help="Only that pass.")
+    store: StoreUrl,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--entry",
+            metavar="ENTRY",
+            help="Export only the pass of this name, or whose name begins so. Default: all passes that match the "
+            "other filters.",
+        ),
     ] = None,
     table: Annotated[
         list[str] | None,
         typer.Option(
-            "--table", help="defects, sections, not_assessed, spectra or passes. Repeatable."
+            "--table",
+            metavar="TABLE",
+            help="Export this table of all matching passes in place of a profile: defects, sections, not_assessed, "
+            "spectra or passes. Repeatable.",
         ),
     ] = None,
-    line: OfLine = None,
-    direction: OfDirection = None,
-    first: First = None,
-    last: Last = None,
+    line: LineFilter = None,
+    direction: DirectionFilter = None,
+    first_date: FirstDate = None,
+    last_date: LastDate = None,
     from_m: From = None,
     to_m: To = None,
     all_versions: AllVersions = False,
     as_json: Json = False,
 ) -> None:
-    """Write a pass's profile to a file; or, with --table, rows of all that --line and so on choose."""
+    """Write the profile of one pass to a file or, with --table, tables of all passes that match the filters."""
     from trackprofile import store as stores
     from trackprofile.io import format_to_write, write
     from trackprofile.io.result_tables import table_files, write_tables
+    from trackprofile.units import counted
 
     if table:
         table_files(output, table)
     else:
         format_to_write("profile", output)
-    store = stores.open_store(at)
-    narrowed = (line, direction, first, last, from_m, to_m)
-    entries = _found(store, *narrowed, all_versions=all_versions or which is not None)
-    if which is not None:
-        entries = (_named(entries, which),)
+    opened = stores.open_store(store)
+    filters = _filters(line, direction, first_date, last_date, from_m, to_m)
+    entries = _find(opened, filters, all_versions=all_versions or name is not None)
+    if name is not None:
+        entries = (_select(entries, name),)
     if table:
-        made = {
-            name: _pass_table(entries) if name == PASSES else stores.read_table(store, entries, name, from_m, to_m)
-            for name in table
+        tables = {
+            one: _pass_table(entries) if one == PASSES else stores.read_table(opened, entries, one, from_m, to_m)
+            for one in table
         }  # fmt: skip
-        files = write_tables(made, output)
+        files = write_tables(tables, output)
     else:
         if len(entries) != 1:
             raise DataError(
-                f"{len(entries)} passes are chosen, a file holds one profile; give one by --entry."
+                f"{counted(len(entries), 'pass')} match the filters, a file holds one profile; select one with --entry."
             )
-        files = write(stores.read_profile(store, entries[0], from_m, to_m), output)
+        files = write(stores.read_profile(opened, entries[0], from_m, to_m), output)
     if as_json:
-        show.as_one_object({"files": list(map(str, files)), "passes": len(entries)})
+        show.as_one_object({"files": as_text(files), "passes": len(entries)})
         return
-    show.say(f"{len(entries)} passes in {', '.join(map(str, files))}.")
+    show.say(f"{counted(len(entries), 'pass')} in {', '.join(as_text(files))}.")
 
 
-@app.command()
-def verify(at: At, as_json: Json = False) -> None:
-    """Read every byte, and name each file that is not what it was; exits 1 if there is one."""
+@app.command(cls=Command)
+def verify(store: StoreUrl, as_json: Json = False) -> None:
+    """Read all files of a store and report each that is missing or damaged; exit code 1 if there is one."""
     from trackprofile import store as stores
+    from trackprofile.units import counted
 
-    store = stores.open_store(at)
-    problems = stores.verify(store)
+    problems = stores.verify(stores.open_store(store))
     if as_json:
         show.as_one_object({"problems": [asdict(one) for one in problems]})
     else:
         for one in problems:
             show.say(f"{one.path}: {one.what}.")
-        show.say("Whole." if not problems else f"{len(problems)} problems.")
+        show.say(
+            f"{counted(len(problems), 'problem')} found." if problems else "No problems found."
+        )
     if problems:
         raise typer.Exit(1)
 
 
-@app.command()
-def tidy(
-    at: At,
+@app.command(cls=Command)
+def clean(
+    store: StoreUrl,
     now: Annotated[
-        bool, typer.Option("--now", help="Also what is younger than a day: if nobody writes.")
+        bool,
+        flag(
+            "--now",
+            "Remove also unfinished files younger than a day. Use it only while nothing else writes to the store.",
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Remove what writers that were killed left unfinished, and make the index anew."""
+    """Remove unfinished files of interrupted writers, and rebuild the index."""
     from trackprofile import store as stores
+    from trackprofile.units import counted
 
-    older = timedelta(0) if now else stores.ABANDONED_AFTER
-    store = stores.open_store(at)
-    removed, gathered = stores.clean(store, older), stores.build_index(store)
+    minimum_age = timedelta(0) if now else stores.ABANDONED_AFTER
+    opened = stores.open_store(store)
+    removed, indexed = stores.clean(opened, minimum_age), stores.build_index(opened)
     if as_json:
-        show.as_one_object({"removed": list(removed), "index": gathered})
+        show.as_one_object({"removed": list(removed), "index": indexed})
         return
     for path in removed:
         show.say(path)
-    show.say(f"{len(removed)} files removed.")
+    show.say(f"{counted(len(removed), 'file')} removed.")
 
 
 def _origin(
-    profile: xr.Dataset, source: str, found: Assessment, way: ChainageTable, revision: int
+    profile: xr.Dataset, source: str, assessment: Assessment, chainage: ChainageTable, revision: int
 ) -> Origin:
-    """Of a profile in a file: by the recording that it names, else by itself."""
+    """Origin of a profile in a file: identified by the recording that it names, else by its own content."""
     from trackprofile.contracts import content_digest
     from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT, digest
     from trackprofile.store import Origin
@@ -266,57 +342,58 @@ def _origin(
         source=source,
         vehicle=str(profile.attrs.get("vehicle", "")),
         method=str(profile.attrs.get("method", "")),
-        limits=found.limits.name,
-        speed=found.speed,
+        limits=assessment.limits.name,
+        speed=assessment.speed,
         settings=digest(
-            {"profile": own, "limits": found.limits, "filter": found.filter, "chainage": way}
+            {
+                "profile": own,
+                "limits": assessment.limits,
+                "filter": assessment.filter,
+                "chainage": chainage,
+            }
         )[:16],
         revision=revision,
     )
 
 
-def _found(
-    store: Store,
+def _filters(
     line: str | None,
     direction: str | None,
     first: str | None,
     last: str | None,
     from_m: float | None,
     to_m: float | None,
-    *,
-    all_versions: bool,
-) -> tuple[Entry, ...]:
+) -> dict[str, Any]:
+    """The filters of `trackprofile.store.find`."""
+    dates: list[date | None] = [None if one is None else parse_date(one) for one in (first, last)]
+    return {
+        "line": line, "direction": direction, "first": dates[0], "last": dates[1], "start": from_m, "end": to_m,
+    }  # fmt: skip
+
+
+def _find(store: Store, filters: dict[str, Any], *, all_versions: bool) -> tuple[Entry, ...]:
     from trackprofile.store import find
 
-    return find(
-        store, line=line, direction=direction, first=None if first is None else day_of(first),
-        last=None if last is None else day_of(last), start=from_m, end=to_m, all_versions=all_versions,
-    )  # fmt: skip
+    return find(store, **filters, all_versions=all_versions)
 
 
-def _one(store: Store, which: str) -> Entry:
-    from trackprofile.store import find
-
-    return _named(find(store, all_versions=True), which)
-
-
-def _named(entries: tuple[Entry, ...], which: str) -> Entry:
-    """The one entry whose name begins so."""
-    found = [one for one in entries if which and one.id.startswith(which)]
-    if len(found) != 1:
+def _select(entries: tuple[Entry, ...], name: str) -> Entry:
+    """The one entry whose name begins with a text."""
+    matches = [one for one in entries if name and one.id.startswith(name)]
+    if len(matches) != 1:
         raise DataError(
-            f"{which!r}: expected the name of one pass or how it begins, found {len(found)}; "
-            "see trackprofile store list."
+            f"{name!r}: expected the name of one pass or its beginning, {len(matches)} match; see "
+            "`trackprofile store list`."
         )
-    return found[0]
+    return matches[0]
 
 
-def _list(entries: tuple[Entry, ...], *, as_json: bool) -> None:
+def _print_passes(entries: tuple[Entry, ...], *, as_json: bool) -> None:
     if as_json:
         show.as_one_object({"passes": [_as_dict(one) for one in entries]})
         return
     show.table(
-        ("entry", "line", "direction", "day", "run", "from, m", "to, m", "vehicle", "defects"),
+        ("entry", "line", "direction", "date", "run", "from, m", "to, m", "vehicle", "defects"),
         [
             (one.id, _visible(one.line), _visible(one.direction), one.day.isoformat(), _visible(one.run),
              f"{one.start:.0f}", f"{one.end:.0f}", _visible(one.origin.vehicle), str(sum(one.defects.values())))
@@ -326,18 +403,17 @@ def _list(entries: tuple[Entry, ...], *, as_json: bool) -> None:
 
 
 def _as_dict(entry: Entry) -> dict[str, Any]:
-    said = asdict(entry)
-    said["key"]["day"] = entry.day.isoformat()
-    return said
+    values = asdict(entry)
+    values["key"]["day"] = entry.day.isoformat()
+    return values
 
 
 def _pass_table(entries: tuple[Entry, ...]) -> dict[str, list[Any]]:
-    """A row of plain columns per pass."""
+    """Plain columns with one row per pass."""
     rows: list[dict[str, Any]] = [
         {
             "entry": one.id, "line": one.line, "direction": one.direction, "day": one.day, "run": one.run,
-            "start_m": one.start, "end_m": one.end, "points": one.points, "known_share": one.known_share,
-            "kind": one.kind,
+            "start_m": one.start, "end_m": one.end, "points": one.points, "known_share": one.known_share, "kind": one.kind,
         }
         | {f"standard_deviation_{band}_mm": 1e3 * value for band, value in one.standard_deviations.items()}
         | {f"defects_{action.replace(' ', '_')}": count for action, count in one.defects.items()}
@@ -349,5 +425,5 @@ def _pass_table(entries: tuple[Entry, ...]) -> dict[str, list[Any]]:
 
 
 def _visible(name: str) -> str:
-    """A name without signs that would move what a terminal shows."""
+    """A text whose control characters are shown as escapes, so that they do not act on the terminal."""
     return "".join(one if one.isprintable() else f"\\u{ord(one):04x}" for one in name)

@@ -9,7 +9,7 @@ from trackprofile.assessment.tables import Table
 from trackprofile.fleet.batch import BatchProgress, BatchResult
 from trackprofile.fleet.job import JobResult, State
 
-TABLES = ("recordings",)
+BATCH_TABLES = ("recordings",)
 
 _KM = 1e3
 

@@ -44,17 +44,17 @@ def tables(plan: Plan) -> dict[str, Table]:
     hours = f"in {network.hours:g} h a day"
     stored = f"passes of {plan.stored_in}" if plan.stored_in else "that recording's"
     assumed = [
-        ("lines", f"{network.length / 1e3:,g} km", "--km"),
+        ("lines", f"{network.length / 1e3:,g} km", "--length"),
         ("passes over each kilometre", f"{network.passes:g} a day", "--passes-per-day"),
-        ("a recording", f"{network.recording_length / 1e3:g} km", "--recording-km"),
+        ("a recording", f"{network.recording_length / 1e3:g} km", "--recording-length"),
         ("trains run at", f"{network.train_speed / KM_H:.4g} km/h", "--speed"),
-        ("sensors", f"{sample.sensors}, {sample.sampling:g} Hz", "--sensors, --sampling"),
+        ("sensors", f"{sample.sensors}, {sample.sampling:g} Hz", "--sensors, --sampling-rate"),
         ("vehicle, track", f"{sample.vehicle}, {sample.track}", "--vehicle, --track"),
         ("prior", sample.prior or "found from the data of each recording", "--prior"),
-        ("hours of a day with work", f"{network.hours:g} h", "--hours"),
+        ("hours of a day with work", f"{network.hours:g} h", "--working-hours"),
         ("share of the cores' time that is work", f"{100 * network.utilisation:g} %", "--utilisation"),
         ("copies of what is kept", f"{network.copies:g}", "--copies"),
-        ("recordings are kept for", f"{network.raw_days:g} days", "--raw-days"),
+        ("recordings are kept for", f"{network.raw_days:g} days", "--retention-days"),
     ]  # fmt: skip
     measured = [
         ("computing", f"{number(1e3 * cost.cpu)} ms per metre", "to read, infer, assess and store one recording"),
