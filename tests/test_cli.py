@@ -380,7 +380,7 @@ def test_bad_input_gets_one_sentence_and_leaves_no_file(run: Run, folder: Path, 
     assert len(err.splitlines()) == 1
     assert err.startswith("trackprofile: ")
     assert all(word in err for word in words), err
-    assert {"error": err.strip()} == json.loads(out)
+    assert json.loads(out) == {"error": err.strip().removeprefix("trackprofile: ")}
     assert set(folder.iterdir()) == before
 
 

@@ -121,7 +121,7 @@ def test_a_line_that_a_store_does_not_know_has_no_pass(
     run("store", "add", path, *to, "Main", "--date", day, "--speed", "140 km/h")
     code, _, said = run("fuse", *to, "Branch", "-o", tmp_path / "x.nc")
     assert code == 1
-    assert "there is no pass of 'Branch', 'up'" in said
+    assert "no pass of line 'Branch', direction 'up'" in said
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_a_line_that_a_store_does_not_know_has_no_pass(
     [
         (["gone.nc=2026-05-02"], "there is no such file"),
         (["0.nc=2026-05-02"], "Two passes have the name '0.nc'"),
-        (["0.nc"], "expected a profile and its day"),
+        (["0.nc"], "expected a profile and its date"),
         (["other.nc=2026-05-02"], "At most half of the 2 passes correlate with one another"),
         (["vague.nc=2026-05-02"], "the profile does not state its standard deviation"),
         (["1.nc=2026-05-16", "--date", "31.5.2026"], "expected a date such as 2026-05-31"),
@@ -159,4 +159,4 @@ def test_a_store_that_is_not_there_is_not_begun(run: Run, tmp_path: Path) -> Non
 def test_profiles_or_a_store_are_asked_for(run: Run, tmp_path: Path, arguments: tuple[str]) -> None:
     code, _, said = run("fuse", *arguments, "-o", tmp_path / "x.nc")
     assert code == 2
-    assert "Give profiles with their days, or --store" in said
+    assert "Give profiles with their dates, or --store" in said

@@ -1,4 +1,4 @@
-"""`trackprofile store`: what the commands say, and what they refuse in one sentence."""
+"""`trackprofile store`: outputs of its commands, and what they refuse with one sentence."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ def at(profiles: Path, tmp_path: Path, run: Run) -> Path:
     return tmp_path / "S"
 
 
-def test_add_says_what_it_stored_and_the_second_time_that_it_was_there(
+def test_add_reports_the_entry_and_stores_a_pass_once(
     profiles: Path, at: Path, run: Run
 ) -> None:
     again = ("add", profiles / "may.nc", "--store", at, *PASS, "--run", "06:12")
     code, out, _ = run(*again)
     assert code == 0
-    assert out.startswith(f"It was there already: {16 * '0'}-")
+    assert out.startswith(f"Already in the store: {16 * '0'}-")
     code, out, _ = run(*again, "--json")
     said = json.loads(out)
     assert (code, said["new"], said["shown"]) == (0, False, True)
@@ -72,7 +72,7 @@ def test_add_says_what_it_stored_and_the_second_time_that_it_was_there(
     }
 
 
-def test_a_version_that_is_not_shown_is_told(profiles: Path, at: Path, run: Run) -> None:
+def test_add_reports_that_another_version_is_shown(profiles: Path, at: Path, run: Run) -> None:
     given = (
         "add",
         profiles / "may.nc",
@@ -89,7 +89,7 @@ def test_a_version_that_is_not_shown_is_told(profiles: Path, at: Path, run: Run)
     _, _, said = run(
         "add", profiles / "may.nc", "--store", at, *PASS, "--run", "06:12", "--forward-backward"
     )
-    assert "Another version of this recording stays the one shown: see --revision." in said
+    assert "Another version of this recording remains the one that is shown: see --revision." in said
     _, out, _ = run("list", "--store", at, "--line", "Main / North", "--json")
     (shown,) = json.loads(out)["passes"]
     assert shown["origin"]["revision"] == 1
@@ -97,7 +97,7 @@ def test_a_version_that_is_not_shown_is_told(profiles: Path, at: Path, run: Run)
     assert len(json.loads(out)["passes"]) == 3
 
 
-def test_a_contradiction_is_one_sentence_and_changes_nothing(
+def test_a_conflicting_recording_is_refused_and_the_store_unchanged(
     profiles: Path, at: Path, run: Run
 ) -> None:
     before = sorted(at.rglob("*"))
@@ -116,7 +116,7 @@ def test_a_contradiction_is_one_sentence_and_changes_nothing(
         ({"--speed": "fast"}, "fast"),
     ],
 )
-def test_what_is_no_pass_is_refused_before_a_store_is_made(
+def test_an_invalid_pass_is_refused_and_no_store_is_created(
     profiles: Path, tmp_path: Path, run: Run, changed: dict[str, str], said: str
 ) -> None:
     given = dict(zip(PASS[::2], PASS[1::2], strict=True)) | changed
@@ -127,7 +127,7 @@ def test_what_is_no_pass_is_refused_before_a_store_is_made(
     assert not (tmp_path / "new").exists()
 
 
-def test_list_shows_lines_then_passes(at: Path, run: Run) -> None:
+def test_list_shows_lines_and_with_a_filter_passes(at: Path, run: Run) -> None:
     _, out, _ = run("list", "--store", at)
     assert out.splitlines()[1].split() == [
         "Main",
@@ -167,7 +167,7 @@ def test_list_shows_lines_then_passes(at: Path, run: Run) -> None:
         assert len(run("list", "--store", at, *others)[1].splitlines()) == 1
 
 
-def test_a_name_cannot_move_what_a_terminal_shows(profiles: Path, tmp_path: Path, run: Run) -> None:
+def test_control_characters_in_names_are_shown_as_escapes(profiles: Path, tmp_path: Path, run: Run) -> None:
     name = "\x1b[2J\u202egnikcab"
     given = ["--line", name, *PASS[2:], "--run", "\x07"]
     run("add", profiles / "may.nc", "--store", tmp_path / "S", *given)
@@ -177,24 +177,24 @@ def test_a_name_cannot_move_what_a_terminal_shows(profiles: Path, tmp_path: Path
         assert all(one.isprintable() or one == "\n" for one in out)
 
 
-def test_show_tells_where_a_pass_comes_from(at: Path, run: Run) -> None:
+def test_show_prints_the_origin_of_a_pass(at: Path, run: Run) -> None:
     _, out, notes = run("show", "0000", "--store", at)
     rows = {row[:25].strip(): row[25:].strip() for row in out.splitlines()}
     assert (rows["recording"], rows["source"], rows["line"]) == (64 * "0", "may.nc", "Main / North")
-    assert "not verified against the standard" in notes
+    assert "Limits are not verified against the standard" in notes
     _, out, _ = run("show", "0000", "--store", at, "--json")
     assert json.loads(out)["points"] == 2401
     for wrong in ("", "1234"):
         code, _, said = run("show", wrong, "--store", at)
         assert code == 1
-        assert "expected the name of one pass or how it begins, found 0" in said
+        assert "expected the name of one pass or its beginning, 0 match" in said
 
 
-def test_a_profile_leaves_the_store_as_it_came(
+def test_an_exported_profile_equals_the_stored_one(
     profiles: Path, at: Path, run: Run, tmp_path: Path
 ) -> None:
     code, out, _ = run("export", "--store", at, "--entry", "0000", "-o", tmp_path / "back.nc")
-    assert (code, out) == (0, f"1 passes in {tmp_path / 'back.nc'}.\n")
+    assert (code, out) == (0, f"1 pass in {tmp_path / 'back.nc'}.\n")
     came, back = read(profiles / "may.nc"), read(tmp_path / "back.nc")
     assert back.attrs == came.attrs
     assert float(abs(back["elevation"] - came["elevation"]).max()) <= 2.0**-24
@@ -202,7 +202,7 @@ def test_a_profile_leaves_the_store_as_it_came(
     assert read(tmp_path / "piece.csv")["distance"].values[[0, -1]].tolist() == [100.0, 200.0]
 
 
-def test_tables_of_the_passes_that_were_chosen(
+def test_export_of_tables_of_the_passes_that_match(
     profiles: Path, at: Path, run: Run, tmp_path: Path
 ) -> None:
     run("add", profiles / "june.nc", "--store", at, *PASS, "--run", "07:12")
@@ -240,12 +240,12 @@ def test_tables_of_the_passes_that_were_chosen(
         (["-o", "x.csv", "--table", "faults"], "There is no table 'faults'; choose one of defects"),
         (
             ["-o", "x.csv", "--line", "none"],
-            "0 passes are chosen, a file holds one profile; give one by --entry",
+            "0 passes match the filters, a file holds one profile; select one with --entry",
         ),
-        (["-o", "x.csv", "--from", "700"], "0 passes are chosen"),
+        (["-o", "x.csv", "--from", "700"], "0 passes match the filters"),
     ],
 )
-def test_what_cannot_be_exported_is_refused(
+def test_export_refuses_wrong_files_tables_and_filters(
     at: Path, run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, asked: list[str], said: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -255,10 +255,10 @@ def test_what_cannot_be_exported_is_refused(
     assert not list(tmp_path.glob("x*"))
 
 
-def test_verify_exits_1_where_a_byte_was_flipped_and_tidy_leaves_it_alone(
+def test_verify_exits_with_1_for_a_changed_byte_and_clean_keeps_the_file(
     at: Path, run: Run
 ) -> None:
-    assert run("verify", "--store", at)[:2] == (0, "Whole.\n")
+    assert run("verify", "--store", at)[:2] == (0, "No problems found.\n")
     path = next(at.glob("profiles/**/*.parquet"))
     content = bytearray(path.read_bytes())
     content[500] ^= 1
@@ -266,7 +266,7 @@ def test_verify_exits_1_where_a_byte_was_flipped_and_tidy_leaves_it_alone(
     code, out, _ = run("verify", "--store", at)
     assert code == 1
     assert out.endswith(
-        ": its bytes were changed; remove its entry, and add the pass again.\n1 problems.\n"
+        ": its bytes were changed; remove its entry, and add the pass again.\n1 problem found.\n"
     )
     code, out, _ = run("verify", "--store", at, "--json")
     assert (code, len(json.loads(out)["problems"])) == (1, 1)
@@ -274,14 +274,14 @@ def test_verify_exits_1_where_a_byte_was_flipped_and_tidy_leaves_it_alone(
     assert path.exists()
 
 
-def test_tidy_removes_half_a_pass_and_makes_the_index(at: Path, run: Run) -> None:
+def test_clean_removes_an_unfinished_pass_and_rebuilds_the_index(at: Path, run: Run) -> None:
     next(at.glob("entries/**/*.json")).unlink()
     assert run("clean", "--store", at)[1] == "0 files removed.\n"
     code, out, _ = run("clean", "--store", at, "--now", "--json")
     assert (code, len(json.loads(out)["removed"]), json.loads(out)["index"]) == (0, 6, "")
 
 
-def test_a_store_that_is_not_there_is_said(tmp_path: Path, run: Run) -> None:
+def test_a_missing_store_is_reported_and_not_created(tmp_path: Path, run: Run) -> None:
     for command in (["list"], ["show", "0"], ["verify"], ["clean"], ["export", "-o", "x.nc"]):
         code, out, said = run(*command, "--store", tmp_path / "none")
         assert (code, out) == (1, "")
@@ -289,7 +289,7 @@ def test_a_store_that_is_not_there_is_said(tmp_path: Path, run: Run) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_profile_without_a_recording_is_known_by_itself(
+def test_a_profile_without_a_recording_is_identified_by_its_content(
     profiles: Path, tmp_path: Path, run: Run
 ) -> None:
     profile = read(profiles / "may.nc")

@@ -228,7 +228,7 @@ def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
     text = page.read_text(encoding="utf-8")
     assert "changed from 2026-05-03 (may.nc) to 2026-06-02 (june.nc): km 2.000 (D1" in text
     code, out, _ = run(
-        "changes", f"{before}=2026-05-03", f"{after}=2026-06-02", "--speed", "140 km/h",
+        "trend", f"{before}=2026-05-03", f"{after}=2026-06-02", "--speed", "140 km/h",
         "-o", tmp_path / "c.csv",
     )  # fmt: skip
     assert code == 0
@@ -248,8 +248,8 @@ def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
         (["assess", "P", "--speed", "100 km/h", "--limits", "none"], "none"),
         (["assess", "P", "--speed", "100 km/h", "--chainage", "no.csv"], "expected a table of the way"),
         (["report", "P", "--speed", "100 km/h", "-o", "x.html", "--date", "2026-01-01"], "needs both"),
-        (["changes", "P=2026-01-01"], "needs two passes or more"),
-        (["changes", "P", "P"], "expected a profile and its day"),
+        (["trend", "P=2026-01-01"], "needs two passes or more"),
+        (["trend", "P", "P"], "expected a profile and its date"),
     ],
 )  # fmt: skip
 def test_wrong_use_is_reported_in_one_sentence_and_nothing_is_written(

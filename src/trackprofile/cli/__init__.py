@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(WRONG_USAGE_EXIT)
     except TrackprofileError as error:
         sentence = " ".join(str(error).split())
-        show.error(f"trackprofile: {sentence}", as_json=as_json)
+        show.error(sentence, as_json=as_json)
         sys.exit(UNUSABLE_DATA_EXIT)
     if code:
         sys.exit(code)
@@ -151,7 +151,7 @@ def _report_usage(error: UsageError, *, as_json: bool) -> None:
     if error.ctx is not None and message:
         show.note([error.ctx.get_usage(), f"Help: {error.ctx.command_path} --help"])
     if message:
-        show.error(f"trackprofile: {message}", as_json=as_json)
+        show.error(message, as_json=as_json)
 
 
 def _print_version(wanted: bool) -> None:

@@ -15,7 +15,7 @@ def calibrate(
     recordings: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RECORDING...",
+            metavar="RECORDING",
             help="One or more recordings of runs with this vehicle: TOML or NetCDF.",
         ),
     ],

@@ -52,7 +52,7 @@ def _select_rail(
     profile: xr.Dataset, reference: xr.Dataset, name: RailName
 ) -> tuple[tuple[xr.Dataset, xr.Dataset], tuple[str, ...]]:
     """One rail of both profiles, and a note if the reference does not distinguish rails."""
-    from trackprofile.contracts import Rail, select_rail, available_rails
+    from trackprofile.contracts import Rail, available_rails, select_rail
 
     rail = Rail(name)
     selected = select_rail(profile, rail)

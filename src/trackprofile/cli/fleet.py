@@ -54,6 +54,7 @@ def fleet(
         int | None,
         typer.Option(
             min=1,
+            metavar="N",
             help="Number of worker processes on this machine; not with --scheduler. Default: one per core.",
         ),
     ] = None,
@@ -69,6 +70,7 @@ def fleet(
         int,
         typer.Option(
             min=0,
+            metavar="N",
             help="How often a recording is tried again after its worker died or an unexpected error occurred.",
         ),
     ] = 3,
@@ -84,8 +86,8 @@ def fleet(
 ) -> None:  # fmt: skip
     """Infer, assess and store each recording of a manifest, on the cores of this machine or on a Dask cluster.
 
-    Recordings that are already in the store are skipped: after an interruption, the same command continues. A
-    recording that fails does not stop the others; it is listed with the reason.
+    Recordings that are already in the store are skipped: after an interruption, the same command continues.
+    A recording that fails does not stop the others; it is listed with the reason.
     """
     from trackprofile.fleet.batch import run_batch
     from trackprofile.fleet.cluster import existing, local

@@ -32,7 +32,7 @@ def fuse(
     profiles: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[PROFILE=DATE]...",
+            metavar="PROFILE=DATE",
             help="Profiles of the same track with their dates, such as may.nc=2026-05-31. Alternative: --store.",
         ),
     ] = None,

@@ -75,6 +75,7 @@ def infer(
         int | None,
         typer.Option(
             min=2,
+            metavar="N",
             help="Number of posterior samples from which the smoother computes the standard deviations of the bands; "
             "more samples are more precise and take longer. Default: 128, for long runs down to 24.",
         ),
@@ -82,8 +83,9 @@ def infer(
     seed: Annotated[
         int,
         typer.Option(
+            metavar="N",
             help="Seed of the random numbers of the posterior samples or of the search; the same seed gives the same "
-            "result."
+            "result.",
         ),
     ] = 0,
     full_track_correction: Annotated[
@@ -128,8 +130,8 @@ def infer(
 ) -> None:
     """Infer a track profile with its standard deviation from a recording.
 
-    An HTML figure and a PNG figure of the same name are written next to PROFILE. During a long run the solved part is
-    kept in a hidden folder next to PROFILE.
+    An HTML figure and a PNG figure of the same name are written next to PROFILE.
+    During a long run, the solved part is kept in a hidden folder next to PROFILE.
     """
     from trackprofile.checkpoint import checkpoint_key, checkpoint_store
     from trackprofile.contracts import select_stretch

@@ -25,7 +25,6 @@ def plan(
             metavar="LENGTH",
             parser=length,
             help='Total length of the lines, such as "10000 km"; a number without unit is in m.',
-            show_default="10000 km",
         ),
     ] = "10000 km",  # type: ignore[assignment]
     passes_per_day: Annotated[
@@ -37,7 +36,6 @@ def plan(
             metavar="LENGTH",
             parser=length,
             help='Length of track in one recording, such as "10 km"; a number without unit is in m.',
-            show_default="10 km",
         ),
     ] = "10 km",  # type: ignore[assignment]
     speed: Annotated[
@@ -67,9 +65,8 @@ def plan(
             metavar="HOURS",
             parser=hours,
             help="Hours per day in which recordings are transferred and computed, up to 24.",
-            show_default="24",
         ),
-    ] = "24",  # type: ignore[assignment]
+    ] = "24 h",  # type: ignore[assignment]
     utilisation: Annotated[
         float,
         typer.Option(metavar="SHARE", help="Share of the cores' time used for computing, 0 to 1."),

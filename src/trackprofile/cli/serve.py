@@ -24,7 +24,9 @@ def serve(
     ] = "127.0.0.1",
     port: Annotated[
         int,
-        typer.Option(min=0, max=65535, help="TCP port to listen on; 0 selects a free port."),
+        typer.Option(
+            min=0, max=65535, metavar="PORT", help="TCP port to listen on; 0 selects a free port."
+        ),
     ] = 8000,
     token_file: Annotated[
         Path | None,

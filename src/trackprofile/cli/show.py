@@ -53,7 +53,7 @@ def note_sentences(notes: Sequence[str]) -> None:
 
 def error(message: str, *, as_json: bool) -> None:
     """Print an error message; with --json also as one object."""
-    note([message])
+    note([f"trackprofile: {message}"])
     if as_json:
         as_one_object({"error": printable(message)})
 

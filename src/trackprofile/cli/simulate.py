@@ -51,6 +51,7 @@ def simulate(
         int | None,
         typer.Option(
             min=0,
+            metavar="N",
             help="Seed of the sensors' noise; the same seed gives the same noise. Default: the scenario's seed.",
         ),
     ] = None,

@@ -105,6 +105,7 @@ def add(
         int,
         typer.Option(
             min=0,
+            metavar="N",
             help="Rank of this version of the recording's profile: of several versions the one with the highest "
             "revision is shown.",
         ),

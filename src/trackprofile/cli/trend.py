@@ -23,7 +23,7 @@ def trend(
     profiles: Annotated[
         list[str],
         typer.Argument(
-            metavar="PROFILE=DATE...",
+            metavar="PROFILE=DATE",
             help="Two or more profiles of the same track with their dates, such as may.nc=2026-05-31.",
         ),
     ],
