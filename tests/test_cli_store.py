@@ -53,9 +53,7 @@ def at(profiles: Path, tmp_path: Path, run: Run) -> Path:
     return tmp_path / "S"
 
 
-def test_add_reports_the_entry_and_stores_a_pass_once(
-    profiles: Path, at: Path, run: Run
-) -> None:
+def test_add_reports_the_entry_and_stores_a_pass_once(profiles: Path, at: Path, run: Run) -> None:
     again = ("add", profiles / "may.nc", "--store", at, *PASS, "--run", "06:12")
     code, out, _ = run(*again)
     assert code == 0
@@ -89,7 +87,9 @@ def test_add_reports_that_another_version_is_shown(profiles: Path, at: Path, run
     _, _, said = run(
         "add", profiles / "may.nc", "--store", at, *PASS, "--run", "06:12", "--forward-backward"
     )
-    assert "Another version of this recording remains the one that is shown: see --revision." in said
+    assert (
+        "Another version of this recording remains the one that is shown: see --revision." in said
+    )
     _, out, _ = run("list", "--store", at, "--line", "Main / North", "--json")
     (shown,) = json.loads(out)["passes"]
     assert shown["origin"]["revision"] == 1
@@ -167,7 +167,9 @@ def test_list_shows_lines_and_with_a_filter_passes(at: Path, run: Run) -> None:
         assert len(run("list", "--store", at, *others)[1].splitlines()) == 1
 
 
-def test_control_characters_in_names_are_shown_as_escapes(profiles: Path, tmp_path: Path, run: Run) -> None:
+def test_control_characters_in_names_are_shown_as_escapes(
+    profiles: Path, tmp_path: Path, run: Run
+) -> None:
     name = "\x1b[2J\u202egnikcab"
     given = ["--line", name, *PASS[2:], "--run", "\x07"]
     run("add", profiles / "may.nc", "--store", tmp_path / "S", *given)

@@ -40,10 +40,10 @@ LONG_FUNCTIONS: set[str] = set()
 MANY_POSITIONAL_PARAMETERS = {
     "assessment/alignment.py:align",
     "calibration/calibrate.py:_fit",
-    "cli/assess.py:_assessed",
-    "cli/store.py:_found",
 }
-MIRRORED_MODULES = {"assess", "calibrate", "fuse", "infer", "serve", "simulate", "store"}
+MIRRORED_MODULES = {
+    "assess", "calibrate", "compare", "fuse", "infer", "report", "serve", "simulate", "store", "trend",
+}  # fmt: skip
 """Modules of `cli` with the name of their command; each calls the module of the same name."""
 EQUAL_CLASSES = {
     "Evaluation": "an option of the command line, and the setting of the method that it chooses",

@@ -66,13 +66,18 @@ def assess(
         tables_per_rail,
     )
     from trackprofile.contracts import select_stretch
-    from trackprofile.io.result_tables import MAP, table_files, write_geojson, write_tables
+    from trackprofile.io.result_tables import (
+        GEOJSON_SUFFIX,
+        table_files,
+        write_geojson,
+        write_tables,
+    )
     from trackprofile.reporting.summary import headline
 
     table = read_chainage_table(chainage)
     paths = output or []
     for path in paths:
-        if path.suffix.lower() != MAP:
+        if path.suffix.lower() != GEOJSON_SUFFIX:
             table_files(path, ASSESSMENT_TABLES)
         elif not table.has_coordinates:
             raise DataError(
@@ -89,7 +94,7 @@ def assess(
     results = tables_per_rail(per_rail, table) if separate else tables(first, table)
     files: list[Path] = []
     for path in paths:
-        if path.suffix.lower() == MAP:
+        if path.suffix.lower() == GEOJSON_SUFFIX:
             files.append(write_geojson(geojson_per_rail(per_rail, table), path))
         else:
             files += write_tables(results, path)

@@ -71,9 +71,9 @@ def calibrate(
     """Fit the parameters of a vehicle model to recordings, with or without a known reference profile."""
     from trackprofile.calibration.calibrate import calibrate as fit
     from trackprofile.contracts import select_stretch
-    from trackprofile.io.atomic import check_places, whole_files
+    from trackprofile.io.atomic import check_writable, whole_files
     from trackprofile.io.model_toml import (
-        check_vehicle_place,
+        check_vehicle_path,
         read_spectrum,
         read_track,
         read_vehicle,
@@ -85,10 +85,10 @@ def calibrate(
         write_png,
     )
 
-    check_vehicle_place(output)
+    check_vehicle_path(output)
     if figure is not None:
         check_png_library()
-        check_places(figure)
+        check_writable(figure)
     data = [select_stretch(read_as(path, "recording"), from_m, to_m) for path in recordings]
     profile = (
         None if reference is None else select_stretch(read_as(reference, "profile"), from_m, to_m)
@@ -99,7 +99,7 @@ def calibrate(
     with show.progress_bars() as progress:
         calibration = fit(
             data, model, profile, installation=installation, track=support, prior=spectrum,
-            parameters=parameter, anyway=keep_undetermined, progress=progress,
+            parameters=parameter, keep_undetermined=keep_undetermined, progress=progress,
         )  # fmt: skip
     result = calibration.as_dict()
     origin = {

@@ -124,12 +124,12 @@ def fleet(
 def _check_files(files: list[Path]) -> None:
     """Check that the results can be written before the recordings are processed."""
     from trackprofile.fleet.batch_tables import BATCH_TABLES
-    from trackprofile.io.atomic import check_places
+    from trackprofile.io.atomic import check_writable
     from trackprofile.io.result_tables import table_files
 
     for path in files:
         if path.suffix.lower() == HTML:
-            check_places(path)
+            check_writable(path)
         else:
             table_files(path, BATCH_TABLES)
 

@@ -194,18 +194,18 @@ def _cross_entropy(
     data: Any, model: Any, settings: Any, search: Any, evaluation: Evaluation, *, as_json: bool
 ) -> tuple[Any, int]:
     """The estimate of the cross-entropy search, and the exit code: not 0 if it ended early."""
+    from trackprofile.methods.cross_entropy import search_settings
     from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
-    from trackprofile.methods.cross_entropy.search import Evaluation as Computation
 
-    computations = {
-        Evaluation.AFFINE: Computation.MAP,
-        Evaluation.SIMULATION: Computation.SIMULATION,
-    }
+    method_settings = search_settings.CrossEntropySettings(
+        settings.installation,
+        settings.track,
+        search,
+        search_settings.Evaluation(evaluation.value),
+        settings.seed,
+    )
     with show.progress_bars() as progress, _interruptible(None, as_json=as_json):
-        estimated = cross_entropy(
-            data, model, installation=settings.installation, track=settings.track, seed=settings.seed,
-            search=search, evaluation=computations[evaluation], progress=progress,
-        )  # fmt: skip
+        estimated = cross_entropy(data, model, method_settings, progress=progress)
     if not estimated.stopped:
         return estimated, 0
     return estimated, INTERRUPTED_EXIT if estimated.stopped == INTERRUPTED else 1

@@ -104,7 +104,7 @@ def plan(
     from trackprofile.fleet.capacity import Network, need
     from trackprofile.fleet.capacity_html import Plan, html, markdown, tables, title
     from trackprofile.fleet.cost_measurement import Sample, cost, stored_per_metre
-    from trackprofile.io.atomic import check_places, whole_files
+    from trackprofile.io.atomic import check_writable, whole_files
     from trackprofile.machine import machine
     from trackprofile.store import open_store
     from trackprofile.units import quantity
@@ -114,7 +114,7 @@ def plan(
             raise FileError(
                 f"{output}: expected a file name that ends in {' or '.join(SUFFIXES)} for a plan."
             )
-        check_places(output)
+        check_writable(output)
     train = quantity(speed, "speed")
     network = Network(
         line_length, passes_per_day, recording_length, train, working_hours, utilisation, copies,

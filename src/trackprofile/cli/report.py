@@ -91,9 +91,9 @@ def report(
         passes = [read_dated_profile(one, rail) for one in (*previous, f"{profile}={date}")]
         trend = compare_dates(passes, limits, speed)
     files = write_report(
-        assessment, *output, title=title, way=table,
-        sources={"profile file": profile.name, "limits file": limits}, beside=compared,
-        beside_name="" if compare_with is None else compare_with.name, changes=trend,
+        assessment, *output, title=title, chainage=table,
+        sources={"profile file": profile.name, "limits file": limits}, compared=compared,
+        compared_name="" if compare_with is None else compare_with.name, trend=trend,
     )  # fmt: skip
     sentences = [headline(assessment, table), *summary(assessment, table)]
     if as_json:

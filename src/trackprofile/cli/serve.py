@@ -49,7 +49,7 @@ def serve(
 ) -> None:
     """Serve a web viewer and a JSON API for the passes in a store, which is only read."""
     try:
-        from trackprofile.server.serve import listener
+        from trackprofile.server.serve import bind
         from trackprofile.server.serve import serve as run_server
     except ModuleNotFoundError as error:
         if str(error.name).startswith("trackprofile"):
@@ -63,12 +63,12 @@ def serve(
     opened = open_store(store)
     lines(opened)  # reports a damaged entry before the server starts
     token = None if token_file is None else read_token(token_file)
-    listening = listener(host, port, token, hostname or ())
+    listening = bind(host, port, token, hostname or ())
     if as_json:
-        generated = listening.rules.token if listening.made else None
+        generated = listening.settings.token if listening.token_generated else None
         show.as_one_object({"address": listening.address, "token": generated})
     else:
         show.say(f"Open {listening.address} in a browser; Ctrl-C ends the server.")
-        if listening.made:
-            show.say(f"Token, shown only once: {listening.rules.token}")
+        if listening.token_generated:
+            show.say(f"Token, shown only once: {listening.settings.token}")
     run_server(opened, listening)

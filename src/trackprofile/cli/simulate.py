@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -101,8 +101,9 @@ def simulate(
         return
     show.note(result["notes"])
     ends = f"{result['from_m']:.0f} m to {result['to_m']:.0f} m"
+    samples: Any = result["samples"]
     show.say(
-        f"Recording of {counted(result['samples'], 'sample')} from {ends} in {files[0]}, profile in {files[1]}."
+        f"Recording of {counted(samples, 'sample')} from {ends} in {files[0]}, profile in {files[1]}."
     )
     forces = 1e-3 * run.simulation.contact_force
     show.say(f"Contact forces {forces.min():.1f} to {forces.max():.1f} kN.")

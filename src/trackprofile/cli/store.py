@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from datetime import date, timedelta
+from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -31,6 +31,15 @@ from trackprofile.cli.options import (
     parse_date,
     read_as,
 )
+from trackprofile.cli.store_entries import (
+    entry_as_dict,
+    entry_filters,
+    find_entries,
+    pass_table,
+    print_passes,
+    select_entry,
+    visible,
+)
 from trackprofile.cli.usage import Command, Group
 from trackprofile.errors import DataError
 
@@ -39,7 +48,7 @@ if TYPE_CHECKING:
 
     from trackprofile.assessment.assess import Assessment
     from trackprofile.positioning.chainage import ChainageTable
-    from trackprofile.store import Entry, Origin, Store
+    from trackprofile.store import Origin
 
 PASSES = "passes"
 
@@ -129,7 +138,12 @@ def add(
         )
     if as_json:
         show.as_one_object(
-            {"new": added.new, "shown": added.shown, "notes": notes, "entry": _as_dict(added.entry)}
+            {
+                "new": added.new,
+                "shown": added.shown,
+                "notes": notes,
+                "entry": entry_as_dict(added.entry),
+            }
         )
         return
     show.note_sentences(condense_notes(notes))
@@ -155,9 +169,9 @@ def list_passes(
     from trackprofile.store import lines, open_store
 
     opened = open_store(store)
-    filters = _filters(line, direction, first_date, last_date, from_m, to_m)
+    filters = entry_filters(line, direction, first_date, last_date, from_m, to_m)
     if all_versions or any(one is not None for one in filters.values()):
-        _print_passes(_find(opened, filters, all_versions=all_versions), as_json=as_json)
+        print_passes(find_entries(opened, filters, all_versions=all_versions), as_json=as_json)
         return
     stored = lines(opened)
     if as_json:
@@ -173,7 +187,7 @@ def list_passes(
     show.table(
         ("line", "direction", "from, m", "to, m", "passes", "first date", "last date"),
         [
-            (_visible(one.line), _visible(one.direction), f"{one.start:.0f}", f"{one.end:.0f}", str(one.passes),
+            (visible(one.line), visible(one.direction), f"{one.start:.0f}", f"{one.end:.0f}", str(one.passes),
              one.days[0].isoformat(), one.days[-1].isoformat())
             for one in stored
         ],
@@ -186,9 +200,9 @@ def show_pass(name: EntryName, store: StoreUrl, as_json: Json = False) -> None:
     from trackprofile.assessment.limits import condense_notes
     from trackprofile.store import find, open_store
 
-    entry = _select(find(open_store(store), all_versions=True), name)
+    entry = select_entry(find(open_store(store), all_versions=True), name)
     if as_json:
-        show.as_one_object(_as_dict(entry))
+        show.as_one_object(entry_as_dict(entry))
         return
     rows = [("entry", entry.id), ("line", entry.line), ("direction", entry.direction)]
     rows += [("date", entry.day.isoformat()), ("run", entry.run)]
@@ -205,7 +219,7 @@ def show_pass(name: EntryName, store: StoreUrl, as_json: Json = False) -> None:
     ]
     width = max(len(head) for head, _ in rows)
     for head, value in rows:
-        show.say(f"{head:<{width}}  {_visible(value)}")
+        show.say(f"{head:<{width}}  {visible(value)}")
     show.note_sentences(condense_notes(entry.notes))
 
 
@@ -260,13 +274,13 @@ def export(
     else:
         format_to_write("profile", output)
     opened = stores.open_store(store)
-    filters = _filters(line, direction, first_date, last_date, from_m, to_m)
-    entries = _find(opened, filters, all_versions=all_versions or name is not None)
+    filters = entry_filters(line, direction, first_date, last_date, from_m, to_m)
+    entries = find_entries(opened, filters, all_versions=all_versions or name is not None)
     if name is not None:
-        entries = (_select(entries, name),)
+        entries = (select_entry(entries, name),)
     if table:
         tables = {
-            one: _pass_table(entries) if one == PASSES else stores.read_table(opened, entries, one, from_m, to_m)
+            one: pass_table(entries) if one == PASSES else stores.read_table(opened, entries, one, from_m, to_m)
             for one in table
         }  # fmt: skip
         files = write_tables(tables, output)
@@ -355,76 +369,3 @@ def _origin(
         )[:16],
         revision=revision,
     )
-
-
-def _filters(
-    line: str | None,
-    direction: str | None,
-    first: str | None,
-    last: str | None,
-    from_m: float | None,
-    to_m: float | None,
-) -> dict[str, Any]:
-    """The filters of `trackprofile.store.find`."""
-    dates: list[date | None] = [None if one is None else parse_date(one) for one in (first, last)]
-    return {
-        "line": line, "direction": direction, "first": dates[0], "last": dates[1], "start": from_m, "end": to_m,
-    }  # fmt: skip
-
-
-def _find(store: Store, filters: dict[str, Any], *, all_versions: bool) -> tuple[Entry, ...]:
-    from trackprofile.store import find
-
-    return find(store, **filters, all_versions=all_versions)
-
-
-def _select(entries: tuple[Entry, ...], name: str) -> Entry:
-    """The one entry whose name begins with a text."""
-    matches = [one for one in entries if name and one.id.startswith(name)]
-    if len(matches) != 1:
-        raise DataError(
-            f"{name!r}: expected the name of one pass or its beginning, {len(matches)} match; see "
-            "`trackprofile store list`."
-        )
-    return matches[0]
-
-
-def _print_passes(entries: tuple[Entry, ...], *, as_json: bool) -> None:
-    if as_json:
-        show.as_one_object({"passes": [_as_dict(one) for one in entries]})
-        return
-    show.table(
-        ("entry", "line", "direction", "date", "run", "from, m", "to, m", "vehicle", "defects"),
-        [
-            (one.id, _visible(one.line), _visible(one.direction), one.day.isoformat(), _visible(one.run),
-             f"{one.start:.0f}", f"{one.end:.0f}", _visible(one.origin.vehicle), str(sum(one.defects.values())))
-            for one in entries
-        ],
-    )  # fmt: skip
-
-
-def _as_dict(entry: Entry) -> dict[str, Any]:
-    values = asdict(entry)
-    values["key"]["day"] = entry.day.isoformat()
-    return values
-
-
-def _pass_table(entries: tuple[Entry, ...]) -> dict[str, list[Any]]:
-    """Plain columns with one row per pass."""
-    rows: list[dict[str, Any]] = [
-        {
-            "entry": one.id, "line": one.line, "direction": one.direction, "day": one.day, "run": one.run,
-            "start_m": one.start, "end_m": one.end, "points": one.points, "known_share": one.known_share, "kind": one.kind,
-        }
-        | {f"standard_deviation_{band}_mm": 1e3 * value for band, value in one.standard_deviations.items()}
-        | {f"defects_{action.replace(' ', '_')}": count for action, count in one.defects.items()}
-        | asdict(one.origin)
-        for one in entries
-    ]  # fmt: skip
-    names = dict.fromkeys(name for row in rows for name in row)
-    return {name: [row.get(name) for row in rows] for name in names}
-
-
-def _visible(name: str) -> str:
-    """A text whose control characters are shown as escapes, so that they do not act on the terminal."""
-    return "".join(one if one.isprintable() else f"\\u{ord(one):04x}" for one in name)

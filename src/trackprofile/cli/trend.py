@@ -58,7 +58,7 @@ def trend(
         repeatability_table,
     )
     from trackprofile.io.result_tables import table_files, write_tables
-    from trackprofile.reporting.summary import changes_summary
+    from trackprofile.reporting.summary import trend_summary
 
     if output is not None:
         table_files(output, TREND_TABLES)
@@ -66,7 +66,7 @@ def trend(
     result = compare_dates([read_dated_profile(one, rail) for one in profiles], limits, speed)
     tables = {"changes": change_table(result, table), "repeatability": repeatability_table(result)}
     files = () if output is None else write_tables(tables, output)
-    sentences = changes_summary(result, table)
+    sentences = trend_summary(result, table)
     if as_json:
         about: dict[str, Any] = {"summary": sentences, "notes": list(result.notes)}
         show.as_one_object({"files": as_text(files)} | about | tables)

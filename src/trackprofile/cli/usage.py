@@ -10,7 +10,13 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 if TYPE_CHECKING:
-    UsageError = Any
+
+    class UsageError(Exception):
+        """Wrong usage of a command."""
+
+        ctx: Any
+
+        def format_message(self) -> str: ...
 else:
     # Typer exports the base class of its errors under no public name.
     UsageError = typer.BadParameter.__mro__[2]

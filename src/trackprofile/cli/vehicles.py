@@ -49,13 +49,13 @@ def show_vehicle(
     as_json: Json = False,
 ) -> None:
     """Show a vehicle's parameters with their priors and sources, and its modes on a rigid track."""
-    from trackprofile.io.model_toml import check_vehicle_place, read_vehicle, write_vehicle
+    from trackprofile.io.model_toml import check_vehicle_path, read_vehicle, write_vehicle
     from trackprofile.models.modal import modes, roll_modes
     from trackprofile.models.vehicle import parameter_values
 
     model, installation = read_vehicle(vehicle)
     if output is not None:
-        check_vehicle_place(output)
+        check_vehicle_path(output)
         write_vehicle(model, installation, output)
     values, all_modes = parameter_values(model), [*modes(model), *roll_modes(model)]
     if as_json:
