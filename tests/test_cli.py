@@ -339,7 +339,10 @@ SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         ("data row 50", "cut short"),
     ),
     "an empty file": (lambda folder: (folder / "recording.csv").write_text(""), ("is empty",)),
-    "no data file": (lambda folder: (folder / "recording.csv").unlink(), ("no data file",)),
+    "no data file": (
+        lambda folder: (folder / "recording.csv").unlink(),
+        ("data file", "does not exist"),
+    ),
     "no vehicle named": (
         lambda folder: replace(folder / "recording.toml", 'vehicle = "vehicle.toml"\n', ""),
         ("--vehicle", "velaro", "quarter-car"),
