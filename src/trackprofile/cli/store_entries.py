@@ -74,7 +74,8 @@ def pass_table(entries: tuple[Entry, ...]) -> dict[str, list[Any]]:
     rows: list[dict[str, Any]] = [
         {
             "entry": one.id, "line": one.line, "direction": one.direction, "day": one.day, "run": one.run,
-            "start_m": one.start, "end_m": one.end, "points": one.points, "known_share": one.known_share, "kind": one.kind,
+            "start_m": one.start, "end_m": one.end, "points": one.points, "known_share": one.known_share,
+            "kind": one.kind,
         }
         | {f"standard_deviation_{band}_mm": 1e3 * value for band, value in one.standard_deviations.items()}
         | {f"defects_{action.replace(' ', '_')}": count for action, count in one.defects.items()}
