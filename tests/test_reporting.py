@@ -67,12 +67,12 @@ def profile():
 
 
 @pytest.fixture(scope="module")
-def found(profile):
+def assessment(profile):
     return assess(profile, EN, SPEED, spectra={"fra-6": read_spectrum("fra-6")})
 
 
-def test_summary_begins_with_the_most_severe_defect(found) -> None:
-    sentences = summary(found, CHAINAGE)
+def test_summary_begins_with_the_most_severe_defect(assessment) -> None:
+    sentences = summary(assessment, CHAINAGE)
     assert re.match(
         r"1 location requires immediate action: km 38\.350 \(D1, \d+\.\d ± 0\.6 mm down",
         sentences[0],
@@ -90,34 +90,34 @@ def test_summary_of_good_track_requires_no_action() -> None:
     )
 
 
-def test_tables_contain_every_defect_and_section(found) -> None:
-    made = tables(found, CHAINAGE)
-    assert len(made["defects"]["band"]) == len(found.defects)
-    assert len(made["sections"]["band"]) == len(found.sections)
-    deepest = int(np.argmin(made["defects"]["height_mm"]))
-    assert made["defects"]["peak_kilometre"][deepest] == pytest.approx(38.35, abs=0.01)
-    assert made["defects"]["likely"][deepest] == "immediate action"
-    assert made["defects"]["obliges_to"][deepest].startswith("reduce the risk")
-    assert set(made["not_assessed"]["reasons"]) >= {"gap", "edge"}
-    assert made["spectra"]["nearest_spectrum"] == ["fra-6"] * 3
+def test_tables_contain_every_defect_and_section(assessment) -> None:
+    result = tables(assessment, CHAINAGE)
+    assert len(result["defects"]["band"]) == len(assessment.defects)
+    assert len(result["sections"]["band"]) == len(assessment.sections)
+    deepest = int(np.argmin(result["defects"]["height_mm"]))
+    assert result["defects"]["peak_kilometre"][deepest] == pytest.approx(38.35, abs=0.01)
+    assert result["defects"]["likely"][deepest] == "immediate action"
+    assert result["defects"]["obliges_to"][deepest].startswith("reduce the risk")
+    assert set(result["not_assessed"]["reasons"]) >= {"gap", "edge"}
+    assert result["spectra"]["nearest_spectrum"] == ["fra-6"] * 3
 
 
-def test_geojson_has_the_coordinates_of_the_defects(found) -> None:
-    collection = geojson(found, CHAINAGE)
-    assert len(collection["features"]) == len(found.defects)
+def test_geojson_has_the_coordinates_of_the_defects(assessment) -> None:
+    collection = geojson(assessment, CHAINAGE)
+    assert len(collection["features"]) == len(assessment.defects)
     one = collection["features"][0]
     east, north = one["geometry"]["coordinates"]
     share = one["properties"]["peak_m"] / 3000.0
     assert (east, north) == pytest.approx((8.0 + 0.01 * share, 47.0 + 0.02 * share), abs=1e-6)
-    assert geojson(found, ChainageTable())["features"] == []
+    assert geojson(assessment, ChainageTable())["features"] == []
 
 
-def test_chart_data_have_a_resolution_of_a_hundredth_of_a_millimetre(found) -> None:
+def test_chart_data_have_a_resolution_of_a_hundredth_of_a_millimetre(assessment) -> None:
     import base64
 
-    drawn = chart_data(found, CHAINAGE, found)
+    drawn = chart_data(assessment, CHAINAGE, assessment)
     counts = np.frombuffer(base64.b64decode(drawn["bands"][0]["level"]), "<i2")
-    level = found.levels["D1"].level
+    level = assessment.levels["D1"].level
     known = np.isfinite(level)
     assert np.abs(counts[known] * 1e-5 - level[known]).max() <= 5.01e-6
     assert (counts[~known] == -32768).all()
@@ -125,13 +125,13 @@ def test_chart_data_have_a_resolution_of_a_hundredth_of_a_millimetre(found) -> N
     assert drawn["chainage_km"][0] == 40.0
 
 
-def test_html_is_self_contained_and_escaped(found, tmp_path: Path) -> None:
+def test_html_is_self_contained_and_escaped(assessment, tmp_path: Path) -> None:
     (page,) = report(
-        found,
+        assessment,
         tmp_path / "r.html",
         title="<Line> & more",
         chainage=CHAINAGE,
-        compared=found,
+        compared=assessment,
         compared_name="twin",
     )
     text = page.read_text(encoding="utf-8")
@@ -144,15 +144,15 @@ def test_html_is_self_contained_and_escaped(found, tmp_path: Path) -> None:
     assert text.count("<polyline") == 2  # this profile's spectrum and the known one's
 
 
-def test_report_as_pdf_has_text_charts_and_tables(found, tmp_path: Path) -> None:
-    files = report(found, tmp_path / "r.pdf", tmp_path / "r.html")
+def test_report_as_pdf_has_text_charts_and_tables(assessment, tmp_path: Path) -> None:
+    files = report(assessment, tmp_path / "r.pdf", tmp_path / "r.html")
     assert files[0].read_bytes().startswith(b"%PDF")
     assert files[0].read_bytes().count(b"/Type /Page ") >= 3
 
 
-def test_report_with_another_suffix_is_refused(found, tmp_path: Path) -> None:
+def test_report_with_another_suffix_is_refused(assessment, tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"a file name that ends in .html or .pdf for a report"):
-        report(found, tmp_path / "r.docx")
+        report(assessment, tmp_path / "r.docx")
     assert not list(tmp_path.iterdir())
 
 
@@ -171,13 +171,43 @@ def browsed(page: Path, tmp_path: Path, fragment: str = "") -> tuple[str, list[s
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this system")
-def test_charts_draw_in_a_real_browser_without_an_error(found, tmp_path: Path) -> None:
-    (page,) = report(found, tmp_path / "r.html", chainage=CHAINAGE)
+def test_charts_draw_in_a_real_browser_without_an_error(assessment, tmp_path: Path) -> None:
+    (page,) = report(assessment, tmp_path / "r.html", chainage=CHAINAGE)
     drawn, messages = browsed(page, tmp_path, "#at=1650.0&span=200")
     assert messages == []
     assert re.search(r'data-drawn="[\d.]+"', drawn)
     assert "km 38.450 to 38.250, 200 m" in drawn
     assert drawn.count("<canvas") == 5  # three levels, the sections, the schematic
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this system")
+def test_charts_zoom_move_and_show_values(assessment, tmp_path: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api")
+    (file,) = report(assessment, tmp_path / "r.html", chainage=CHAINAGE)
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(file.as_uri())
+        page.locator("#charts").focus()
+        page.keyboard.press("+")
+        page.wait_for_url(re.compile("span=1500"))
+        page.get_by_role("button", name="zoom out").click()
+        page.wait_for_url(re.compile("span=3000"))
+        page.locator("#chart-D1 .u-over").hover()
+        assert re.match(r"km 38\.\d+, \d+\.\d m: D1 ", page.locator("#reading").inner_text())
+        assert page.locator("#chart-D3 .u-cursor-x:not(.u-off)").count() == 1  # linked cursors
+        page.mouse.wheel(0, -600)
+        page.wait_for_url(re.compile("span=1220"))
+        page.locator("#defects a").first.click()
+        page.wait_for_function("document.getElementById('range').textContent.endsWith(', 200 m')")
+        page.locator("#choice").select_option("3")
+        assert page.locator("#defects tbody tr:visible").count() == 1
+        page.locator('a[href="#caveats"]').click()
+        assert page.locator("#range").inner_text().endswith(", 200 m")
+        browser.close()
+    assert errors == []
 
 
 def test_assess_prints_a_summary_and_writes_tables(profile, tmp_path: Path, run: Run) -> None:
@@ -206,10 +236,10 @@ def test_assess_prints_a_summary_and_writes_tables(profile, tmp_path: Path, run:
 def test_assess_as_json_is_one_object(profile, tmp_path: Path, run: Run) -> None:
     write(profile, tmp_path / "p.nc")
     code, out, _ = run("assess", tmp_path / "p.nc", "--speed", "140 km/h", "--json")
-    made = json.loads(out)
+    result = json.loads(out)
     assert code == 0
-    assert made["filter"].startswith("4th-order Butterworth, zero phase")
-    assert max(made["defects"][f"probability_{Action.IMMEDIATE_ACTION.name.lower()}"]) > 0.9
+    assert result["filter"].startswith("4th-order Butterworth, zero phase")
+    assert max(result["defects"][f"probability_{Action.IMMEDIATE_ACTION.name.lower()}"]) > 0.9
 
 
 def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:

@@ -56,10 +56,10 @@ def test_the_figure_shows_signals_as_they_were_used(recorded, mounted, tmp_path:
     time, speed = (recorded[name].to_numpy() for name in ("time", "speed"))
     parts = mounted(*channels(recorded))
     recording = build_recording(parts, time=time, speed=speed)
-    found = estimate(
+    result = estimate(
         recording, VELARO, InferenceSettings(prior=read_spectrum("german-low"), samples=8)
     )
-    text = write_estimate(found, recording, tmp_path / "p.nc")[1].read_text(encoding="utf-8")
+    text = write_estimate(result, recording, tmp_path / "p.nc")[1].read_text(encoding="utf-8")
     residuals = re.findall(r"RMS ([\d.]+) \S+, of ([\d.]+) \S+ measured", text)
     assert len(residuals) == 2
     for residual, measured in residuals:

@@ -68,13 +68,13 @@ def known(values: list) -> np.ndarray:
 
 
 def test_lines_are_those_of_the_store(client: httpx.Client, dated_store: Store) -> None:
-    found = ask(client, "lines")
-    assert [(one["line"], one["direction"], one["passes"]) for one in found["lines"]] == [
+    answer = ask(client, "lines")
+    assert [(one["line"], one["direction"], one["passes"]) for one in answer["lines"]] == [
         (one.line, one.direction, one.passes) for one in lines(dated_store)
     ]
-    assert found["lines"][1]["start_m"] == START
-    assert [one["name"] for one in found["bands"]] == [one.name for one in BANDS]
-    assert found["token_required"] is False
+    assert answer["lines"][1]["start_m"] == START
+    assert [one["name"] for one in answer["bands"]] == [one.name for one in BANDS]
+    assert answer["token_required"] is False
     days = ask(client, "days", line=MAIN, direction=UP)["days"]
     assert days == [str(day) for day in DAYS]
 
@@ -82,10 +82,10 @@ def test_lines_are_those_of_the_store(client: httpx.Client, dated_store: Store) 
 def test_passes_agree_with_the_entries_of_the_store(
     client: httpx.Client, dated_store: Store
 ) -> None:
-    found = ask(client, "passes", line=MAIN, direction=UP)["passes"]
+    answer = ask(client, "passes", line=MAIN, direction=UP)["passes"]
     entries = find(dated_store, line=MAIN)
-    assert [one["entry"] for one in found] == [one.id for one in entries]
-    for one, entry in zip(found, entries, strict=True):
+    assert [one["entry"] for one in answer] == [one.id for one in entries]
+    for one, entry in zip(answer, entries, strict=True):
         assert (one["day"], one["run"], one["limit_set"]) == (str(entry.day), entry.run, EN.name)
         assert one["line_speed_km_h"] == pytest.approx(140.0)
         assert one["standard_deviation_mm"]["D2"] == pytest.approx(
@@ -132,14 +132,14 @@ def test_level_is_minimum_and_maximum_in_every_bin(
 
 
 def test_level_of_a_day_encloses_all_its_passes(client: httpx.Client, dated_store: Store) -> None:
-    asks = {"line": BRANCH, "direction": DOWN, "day": str(FIRST), "band": "D1"}
+    parameters = {"line": BRANCH, "direction": DOWN, "day": str(FIRST), "band": "D1"}
     stretch = {"from": 1900, "to": 2600, "max_bins": 100}
-    both = ask(client, "level", **asks, **stretch)
+    both = ask(client, "level", **parameters, **stretch)
     entries = find(dated_store, line=BRANCH)
-    single = [ask(client, "level", **asks, **stretch, entry=one.id) for one in entries]
+    single = [ask(client, "level", **parameters, **stretch, entry=one.id) for one in entries]
     assert both["entries"] == [one.id for one in entries]
-    for name, most in (("low_mm", np.fmin), ("high_mm", np.fmax)):
-        expected = most(known(single[0][name]), known(single[1][name]))
+    for name, extreme in (("low_mm", np.fmin), ("high_mm", np.fmax)):
+        expected = extreme(known(single[0][name]), known(single[1][name]))
         assert known(both[name]) == pytest.approx(expected, nan_ok=True)
     assert np.isfinite(known(both["low_mm"])).all()
     assert not np.isfinite(known(single[1]["low_mm"])).all()
@@ -191,22 +191,22 @@ def stored_defects(store: Store, day: date) -> list[dict]:
 def test_defects_are_complete_and_the_most_severe_come_first(
     client: httpx.Client, dated_store: Store
 ) -> None:
-    found = ask(client, "defects", **LAST)
+    answer = ask(client, "defects", **LAST)
     stored = stored_defects(dated_store, DAYS[-1])
     stored.sort(
         key=lambda one: (-SEVERITY[one["likely"]], -abs(one["height_mm"]) / one["limit_alert_mm"])
     )
-    assert [one["peak_m"] for one in found["defects"]] == [one["peak_m"] for one in stored]
-    assert found["total"] == len(stored) >= 5
-    for one, other in zip(found["defects"], stored, strict=True):
+    assert [one["peak_m"] for one in answer["defects"]] == [one["peak_m"] for one in stored]
+    assert answer["total"] == len(stored) >= 5
+    for one, other in zip(answer["defects"], stored, strict=True):
         assert one["required_action"] == other["likely"]
         assert one["height_mm"] == other["height_mm"]
         assert one["probabilities"]["alert"] == other["probability_alert"]
         assert one["limits_mm"]["intervention"] == other["limit_intervention_mm"]
     counted = Counter(one["likely"] or "possible" for one in stored)
-    assert found["counts"] == counted
-    assert found["requirements"][0]["action"] == "immediate action"
-    assert any("not verified" in note for note in found["notes"])
+    assert answer["counts"] == counted
+    assert answer["requirements"][0]["action"] == "immediate action"
+    assert any("not verified" in note for note in answer["notes"])
 
 
 @pytest.mark.parametrize("order", ["severity", "distance"])
@@ -231,24 +231,24 @@ def test_defects_are_filtered_by_stretch_band_and_action(
     assert [one["peak_m"] for one in near["defects"]] == sorted(
         one["peak_m"] for one in stored if one["end_m"] >= start and one["start_m"] <= end
     )
-    grave = ask(client, "defects", **LAST, minimum_action="intervention")
-    assert grave["total"] == sum(SEVERITY[one["likely"]] >= 2 for one in stored) < len(stored)
+    severe = ask(client, "defects", **LAST, minimum_action="intervention")
+    assert severe["total"] == sum(SEVERITY[one["likely"]] >= 2 for one in stored) < len(stored)
     assert ask(client, "defects", **LAST, band="D2")["total"] == 0
 
 
 def test_schematic_counts_every_defect_once(client: httpx.Client, dated_store: Store) -> None:
-    found = ask(client, "schematic", **LAST, bins=50)
+    answer = ask(client, "schematic", **LAST, bins=50)
     stored = stored_defects(dated_store, DAYS[-1])
-    size = (found["end_m"] - found["start_m"]) / 50
+    size = (answer["end_m"] - answer["start_m"]) / 50
     expected = Counter(
-        (int((one["peak_m"] - found["start_m"]) / size), one["likely"]) for one in stored
+        (int((one["peak_m"] - answer["start_m"]) / size), one["likely"]) for one in stored
     )
     assert {
-        (round((one["start_m"] - found["start_m"]) / size), one["required_action"]): one["defects"]
-        for one in found["bins"]
+        (round((one["start_m"] - answer["start_m"]) / size), one["required_action"]): one["defects"]
+        for one in answer["bins"]
     } == expected
     deepest = min(stored, key=lambda one: one["height_mm"])
-    assert deepest["peak_m"] in [one["peak_m"] for one in found["bins"]]
+    assert deepest["peak_m"] in [one["peak_m"] for one in answer["bins"]]
 
 
 def stored_sections(store: Store, day: date, band: str) -> list[tuple[float, float]]:
@@ -263,15 +263,15 @@ def stored_sections(store: Store, day: date, band: str) -> list[tuple[float, flo
 def test_sections_are_the_worst_of_each_group(
     client: httpx.Client, dated_store: Store, count: int
 ) -> None:
-    found = ask(client, "sections", **LAST, band="D1", count=count)
+    answer = ask(client, "sections", **LAST, band="D1", count=count)
     stored = stored_sections(dated_store, DAYS[-1], "D1")
-    assert found["length_m"] == 200.0
-    assert len(found["sections"]) <= count + 1  # groups begin at multiples of their length
+    assert answer["length_m"] == 200.0
+    assert len(answer["sections"]) <= count + 1  # groups begin at multiples of their length
     groups: dict[int, float] = {}
     for start, value in stored:
-        group = int(start // 200) // found["group_size"]
+        group = int(start // 200) // answer["group_size"]
         groups[group] = max(value, groups.get(group, 0.0))
-    assert [one["standard_deviation_mm"] for one in found["sections"]] == pytest.approx(
+    assert [one["standard_deviation_mm"] for one in answer["sections"]] == pytest.approx(
         [groups[key] for key in sorted(groups)], abs=6e-5
     )
 
@@ -289,27 +289,27 @@ def true_rate(band: int) -> float:
 def test_development_of_a_location_agrees_with_the_simulated_settlement(
     client: httpx.Client, dated_store: Store
 ) -> None:
-    found = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + SETTLES)
-    assert [one["day"] for one in found["passes"]] == [str(day) for day in DAYS]
-    trend = found["trend"]
+    answer = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + SETTLES)
+    assert [one["day"] for one in answer["passes"]] == [str(day) for day in DAYS]
+    trend = answer["trend"]
     assert (
         abs(trend["rate_mm_per_day"] - true_rate(0))
         < 4 * trend["rate_standard_deviation_mm_per_day"]
     )
     assert trend["rate_standard_deviation_mm_per_day"] < 0.1 * abs(true_rate(0))
-    for day, level in zip(DAYS, found["level_mm"], strict=True):
+    for day, level in zip(DAYS, answer["level_mm"], strict=True):
         names = ["distance_m", "level_D1_m"]
         rows = read_columns(dated_store, entry_of(dated_store, day), names)
-        place = np.argmin(np.abs(rows["distance_m"] - START - SETTLES))
-        assert level == pytest.approx(1e3 * rows["level_D1_m"][place], abs=0.3)  # lags and a gap
-    ahead = found["forecast"]
+        index = np.argmin(np.abs(rows["distance_m"] - START - SETTLES))
+        assert level == pytest.approx(1e3 * rows["level_D1_m"][index], abs=0.3)  # lags and a gap
+    ahead = answer["forecast"]
     assert ahead[0]["day"] == str(DAYS[0])
     assert ahead[-1]["day"] > str(DAYS[-1])
     slope = (ahead[-1]["level_mm"] - ahead[0]["level_mm"]) / (
         date.fromisoformat(ahead[-1]["day"]) - DAYS[0]
     ).days
     assert slope == pytest.approx(trend["rate_mm_per_day"], rel=1e-2)
-    last, limit = found["level_mm"][-1], found["limit_crossings"][0]
+    last, limit = answer["level_mm"][-1], answer["limit_crossings"][0]
     days = (limit["height_mm"] - abs(last)) / abs(trend["rate_mm_per_day"])
     assert (date.fromisoformat(limit["median"]) - DAYS[-1]).days == pytest.approx(days, abs=12)
     assert limit["earliest"] <= limit["median"] <= limit["latest"]
@@ -318,9 +318,9 @@ def test_development_of_a_location_agrees_with_the_simulated_settlement(
 def test_a_pass_with_a_gap_at_the_location_is_excluded_with_its_reason(
     client: httpx.Client,
 ) -> None:
-    found = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + 2440)
-    assert [one["day"] for one in found["excluded"]] == [str(DAYS[2])]
-    assert "gap" in found["excluded"][0]["reason"]
+    answer = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + 2440)
+    assert [one["day"] for one in answer["excluded"]] == [str(DAYS[2])]
+    assert "gap" in answer["excluded"][0]["reason"]
     since = ask(
         client,
         "development",
@@ -334,37 +334,37 @@ def test_a_pass_with_a_gap_at_the_location_is_excluded_with_its_reason(
 
 
 def test_passes_of_one_day_determine_no_rate(client: httpx.Client) -> None:
-    found = ask(client, "development", line=BRANCH, direction=DOWN, band="D1", at=2250)
-    assert len(found["passes"]) == 2
-    assert found["trend"] is None
-    assert found["forecast"] == found["limit_crossings"] == []
+    answer = ask(client, "development", line=BRANCH, direction=DOWN, band="D1", at=2250)
+    assert len(answer["passes"]) == 2
+    assert answer["trend"] is None
+    assert answer["forecast"] == answer["limit_crossings"] == []
 
 
 def test_of_many_passes_some_are_used_and_the_omitted_ones_counted(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(history, "MAX_PASSES", 3)
-    found = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + 800)
-    assert found["omitted_passes"] == 1
-    assert [one["day"] for one in found["passes"]][::2] == [str(DAYS[0]), str(DAYS[-1])]
+    answer = ask(client, "development", line=MAIN, direction=UP, band="D1", at=START + 800)
+    assert answer["omitted_passes"] == 1
+    assert [one["day"] for one in answer["passes"]][::2] == [str(DAYS[0]), str(DAYS[-1])]
 
 
 def test_two_dates_differ_only_where_the_track_settled(client: httpx.Client) -> None:
-    found = ask(
+    answer = ask(
         client, "compare", **LAST, compared_day=str(DAYS[0]), band="D1", from_=START + 2700, to=START + 3700,
         max_bins=8000,
     )  # fmt: skip
-    assert (found["first_day"], found["second_day"]) == (str(DAYS[0]), str(DAYS[-1]))
-    assert [round(one["peak_m"] - START - SETTLES) for one in found["locations"]] == [0]
-    place = found["locations"][0]
-    assert abs(place["change_mm"] - 90 * true_rate(0)) < 4 * place["standard_deviation_mm"]
-    strip = found["difference"]
+    assert (answer["first_day"], answer["second_day"]) == (str(DAYS[0]), str(DAYS[-1]))
+    assert [round(one["peak_m"] - START - SETTLES) for one in answer["locations"]] == [0]
+    location = answer["locations"][0]
+    assert abs(location["change_mm"] - 90 * true_rate(0)) < 4 * location["standard_deviation_mm"]
+    strip = answer["difference"]
     i = int((START + SETTLES - strip["from_m"]) / strip["bin_m"])
     assert strip["low_mm"][i] == pytest.approx(90 * true_rate(0), abs=0.5)
     one = ask(
         client, "level", **LAST, band="D1", from_=START + 2700, to=START + 3700, max_bins=8000
     )
-    assert found["second"]["low_mm"] == one["low_mm"]
+    assert answer["second"]["low_mm"] == one["low_mm"]
     # the order of the two days in the request makes no difference
     other = ask(
         client, "compare", **LAST | {"day": str(DAYS[0])}, compared_day=str(DAYS[-1]), band="D1",
@@ -377,10 +377,10 @@ def test_over_a_long_stretch_two_dates_are_compared_by_section(
     client: httpx.Client, dated_store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(history, "MAX_POINTWISE_LENGTH", 1000.0)
-    found = ask(client, "compare", **LAST, compared_day=str(DAYS[0]), band="D1")
+    answer = ask(client, "compare", **LAST, compared_day=str(DAYS[0]), band="D1")
     before, after = (dict(stored_sections(dated_store, day, "D1")) for day in (DAYS[0], DAYS[-1]))
-    strip = found["difference"]
-    assert (found["section_length_m"], strip["bin_m"]) == (200.0, 200.0)
+    strip = answer["difference"]
+    assert (answer["section_length_m"], strip["bin_m"]) == (200.0, 200.0)
     for start in before.keys() & after.keys():
         i = int((start + 100 - strip["from_m"]) / strip["bin_m"])
         assert strip["low_mm"][i] == pytest.approx(after[start] - before[start], abs=2e-3)
@@ -394,32 +394,32 @@ def test_passes_that_cannot_be_aligned_are_shown_with_a_note(tmp_path) -> None:
         day = FIRST + timedelta(days=30 * month)
         put(store, PassKey("unlike", "up", day), seen(month, 800.0, seed=7 + month))
     with serving(store) as client:
-        found = ask(
+        answer = ask(
             client, "compare", line="unlike", direction="up", day=str(day), compared_day=str(FIRST), band="D1"
         )  # fmt: skip
-    assert any("look like the first profile" in note for note in found["notes"])
-    assert found["locations"] == []
-    assert any(one is not None for one in found["first"]["low_mm"])
+    assert any("look like the first profile" in note for note in answer["notes"])
+    assert answer["locations"] == []
+    assert any(one is not None for one in answer["first"]["low_mm"])
 
 
 # --- data quality -------------------------------------------------------------------------------
 
 
 def test_quality_shows_gap_and_flags(client: httpx.Client, dated_store: Store) -> None:
-    found = ask(client, "quality", line=MAIN, direction=UP, band="D1", bins=300)
-    assert [one["day"] for one in found["passes"]] == [str(day) for day in DAYS]
-    gapped = found["passes"][2]
+    answer = ask(client, "quality", line=MAIN, direction=UP, band="D1", bins=300)
+    assert [one["day"] for one in answer["passes"]] == [str(day) for day in DAYS]
+    gapped = answer["passes"][2]
     lost = [i for i, one in enumerate(gapped["standard_deviation_along_mm"]) if one is None]
     assert lost == [121, 122, 123]  # of 20 m each, all of which lie between 2400 and 2480 m
     assert {one["name"] for one in gapped["flags"]} == {"gap", "edge", "slow"}
-    assert {one["name"] for one in found["passes"][0]["flags"]} == {"edge"}
+    assert {one["name"] for one in answer["passes"][0]["flags"]} == {"edge"}
     assert gapped["known_share"] == entry_of(dated_store, DAYS[2]).known_share < 1
     names = ["distance_m", "standard_deviation_D1_m"]
     rows = read_columns(dated_store, entry_of(dated_store, DAYS[0]), names)
     for i in (0, 100, 299):
-        start = found["start_m"] + i * found["bin_m"]
-        inside = (rows["distance_m"] >= start) & (rows["distance_m"] < start + found["bin_m"])
-        assert found["passes"][0]["standard_deviation_along_mm"][i] == pytest.approx(
+        start = answer["start_m"] + i * answer["bin_m"]
+        inside = (rows["distance_m"] >= start) & (rows["distance_m"] < start + answer["bin_m"])
+        assert answer["passes"][0]["standard_deviation_along_mm"][i] == pytest.approx(
             1e3 * rows[names[1]][inside].max(), rel=0.02
         )
 
@@ -432,19 +432,19 @@ def test_an_earlier_version_can_still_be_requested(tmp_path) -> None:
     from trackprofile.store import add
 
     store = create(str(tmp_path / "versions"))
-    place, profile = PassKey("one", "up", FIRST), seen(0, 700.0)
-    old = put(store, place, profile)
+    key, profile = PassKey("one", "up", FIRST), seen(0, 700.0)
+    old = put(store, key, profile)
     deeper = profile.copy()
     deeper["elevation"] = profile["elevation"] * 2.0
     new = add(
-        store, place, deeper, assess(deeper, EN, SPEED), replace(old.origin, revision=1)
+        store, key, deeper, assess(deeper, EN, SPEED), replace(old.origin, revision=1)
     ).entry  # fmt: skip
     with serving(store) as client:
-        asks = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1"}
+        parameters = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1"}
         listed = ask(client, "passes", line="one", direction="up")["passes"]
         latest, before = (
-            ask(client, "level", **asks),
-            ask(client, "level", **asks, entry=old.id),
+            ask(client, "level", **parameters),
+            ask(client, "level", **parameters, entry=old.id),
         )
     assert [one["entry"] for one in listed] == latest["entries"] == [new.id]
     assert known(latest["low_mm"]) == pytest.approx(
@@ -462,11 +462,11 @@ def test_the_same_recording_on_two_days_is_two_passes(tmp_path) -> None:
     other = add(store, later, profile, assess(profile, EN, SPEED), one.origin).entry
     assert other.id == one.id
     with serving(store) as client:
-        place = ask(client, "development", line="one", direction="up", band="D1", at=750)
+        development = ask(client, "development", line="one", direction="up", band="D1", at=750)
         two = ask(
             client, "compare", line="one", direction="up", band="D1", day=str(later.day), compared_day=str(FIRST)
         )  # fmt: skip
-    assert [one["day"] for one in place["passes"]] == [str(FIRST), str(later.day)]
+    assert [one["day"] for one in development["passes"]] == [str(FIRST), str(later.day)]
     assert np.nanmax(np.abs(known(two["difference"]["high_mm"]))) < 2e-3  # answered to 0.001
 
 
@@ -484,12 +484,14 @@ def test_an_added_pass_appears_after_the_cache_expires(
 
 
 def test_an_unchanged_answer_is_not_sent_again(client: httpx.Client) -> None:
-    asks = LAST | {"band": "D1", "max_bins": "100"}
-    first = client.get("/api/level", params=asks)
+    parameters = LAST | {"band": "D1", "max_bins": "100"}
+    first = client.get("/api/level", params=parameters)
     tag = {"if-none-match": first.headers["etag"]}
-    again = client.get("/api/level", params=asks, headers=tag)
+    again = client.get("/api/level", params=parameters, headers=tag)
     assert (again.status_code, again.content) == (304, b"")
-    assert client.get("/api/level", params=asks | {"band": "D2"}, headers=tag).status_code == 200
+    assert (
+        client.get("/api/level", params=parameters | {"band": "D2"}, headers=tag).status_code == 200
+    )
     page = client.get("/static/main.js")
     tag = {"if-none-match": page.headers["etag"]}
     assert client.get("/static/main.js", headers=tag).status_code == 304
@@ -526,8 +528,8 @@ def test_unknown_names_are_answered_with_one_sentence(
 
 
 def test_a_location_that_no_pass_determines_is_refused(client: httpx.Client) -> None:
-    asks = {"line": BRANCH, "direction": DOWN, "band": "D3", "at": "5"}
-    answer = client.get("/api/development", params=asks)
+    parameters = {"line": BRANCH, "direction": DOWN, "band": "D3", "at": "5"}
+    answer = client.get("/api/development", params=parameters)
     assert answer.status_code == 422
     assert "nothing is known in D3: edge" in answer.json()["error"]
 
@@ -538,8 +540,14 @@ def test_a_damaged_store_is_reported_without_its_path(tmp_path, capfd) -> None:
     file = tmp_path / "damaged" / entry.path("overviews")
     file.write_bytes(b"PAR1 is not enough")
     with serving(store) as client:
-        asks = {"line": "one", "direction": "up", "day": str(FIRST), "band": "D1", "max_bins": "20"}
-        answer = client.get("/api/level", params=asks)
+        parameters = {
+            "line": "one",
+            "direction": "up",
+            "day": str(FIRST),
+            "band": "D1",
+            "max_bins": "20",
+        }
+        answer = client.get("/api/level", params=parameters)
         assert client.get("/api/lines").status_code == 200
     assert answer.status_code == 500
     assert "store verify" in answer.json()["error"]

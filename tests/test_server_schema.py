@@ -66,10 +66,10 @@ OPERATIONS = (
 
 def check(schema, operation: str, examples: int, mode) -> None:
     """Send generated requests, some of them with names that the store has."""
-    found = schema[f"/api/{operation}"]["GET"]
+    endpoint = schema[f"/api/{operation}"]["GET"]
 
     @given(
-        case=found.as_strategy(generation_mode=mode),
+        case=endpoint.as_strategy(generation_mode=mode),
         real=st.sampled_from([{}, STORED, STRETCH, BRANCH_LINE]),
     )
     @settings(

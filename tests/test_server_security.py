@@ -36,15 +36,15 @@ LEVEL = {"line": MAIN, "direction": UP, "day": str(FIRST), "band": "D1", "max_bi
 @pytest.fixture(scope="module")
 def client(dated_store: Store) -> Iterator[httpx.Client]:
     """Client of a server without a token."""
-    with serving(dated_store, names=["track.example.org"]) as found:
-        yield found
+    with serving(dated_store, names=["track.example.org"]) as running:
+        yield running
 
 
 @pytest.fixture(scope="module")
 def locked(dated_store: Store) -> Iterator[httpx.Client]:
     """Client of a server that requires a token."""
-    with serving(dated_store, TOKEN) as found:
-        yield found
+    with serving(dated_store, TOKEN) as running:
+        yield running
 
 
 def raw(client: httpx.Client, target: str, *headers: str, method: str = "GET") -> tuple[int, str]:
@@ -160,8 +160,8 @@ def test_a_link_on_another_site_opens_only_the_viewer(client: httpx.Client) -> N
 
 
 def test_no_answer_allows_another_origin(client: httpx.Client) -> None:
-    asks = {"origin": "https://evil.example", "access-control-request-method": "GET"}
-    answer = client.options("/api/lines", headers=asks)
+    headers = {"origin": "https://evil.example", "access-control-request-method": "GET"}
+    answer = client.options("/api/lines", headers=headers)
     assert answer.status_code == 403
     assert not [name for name in answer.headers if name.startswith("access-control")]
 
@@ -215,19 +215,19 @@ def test_logging_in_gives_a_cookie_that_is_not_the_token(locked: httpx.Client) -
     locked.cookies.clear()
     wrong = locked.post("/login", json={"token": "wrong"})
     assert (wrong.status_code, "set-cookie" in wrong.headers) == (401, False)
-    said = locked.post("/login", json={"token": TOKEN}).headers["set-cookie"]
-    assert TOKEN not in said
-    assert "HttpOnly" in said
-    assert "SameSite=strict" in said
-    assert "Path=/" in said
+    cookie = locked.post("/login", json={"token": TOKEN}).headers["set-cookie"]
+    assert TOKEN not in cookie
+    assert "HttpOnly" in cookie
+    assert "SameSite=strict" in cookie
+    assert "Path=/" in cookie
     assert locked.get("/api/lines").status_code == 200
     locked.post("/logout", json={})
     assert locked.get("/api/lines").status_code == 401
 
 
 def test_behind_a_tls_proxy_the_cookie_is_secure(locked: httpx.Client) -> None:
-    said = locked.post("/login", json={"token": TOKEN}, headers={"x-forwarded-proto": "https"})
-    assert "Secure" in said.headers["set-cookie"]
+    answer = locked.post("/login", json={"token": TOKEN}, headers={"x-forwarded-proto": "https"})
+    assert "Secure" in answer.headers["set-cookie"]
     locked.cookies.clear()
 
 
@@ -478,15 +478,15 @@ def test_serve_prints_its_address_and_ends_when_interrupted(dated_store: Store, 
         text=True,
     ) as running:
         assert running.stdout is not None
-        said = json.loads(running.stdout.readline())
-        headers = {"authorization": f"Bearer {said['token']}"} if said["token"] else {}
+        started = json.loads(running.stdout.readline())
+        headers = {"authorization": f"Bearer {started['token']}"} if started["token"] else {}
         answer = httpx.get(
-            said["address"] + "api/lines", headers=headers, trust_env=False, timeout=60
+            started["address"] + "api/lines", headers=headers, trust_env=False, timeout=60
         )
-        plain = httpx.get(said["address"] + "api/lines", trust_env=False, timeout=60)
+        plain = httpx.get(started["address"] + "api/lines", trust_env=False, timeout=60)
         running.send_signal(signal.SIGINT)
         out, err = running.communicate(timeout=60)
     assert answer.status_code == 200
     assert plain.status_code == (200 if host == "127.0.0.1" else 401)
     assert (running.returncode, out, err) == (0, "", "")
-    assert (said["token"] is None) is (host == "127.0.0.1")
+    assert (started["token"] is None) is (host == "127.0.0.1")

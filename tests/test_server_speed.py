@@ -52,9 +52,9 @@ class Served:
     def peak_memory(self) -> float:
         """Peak memory of the process [MB]."""
         status = Path(f"/proc/{self.process.pid}/status").read_text()
-        found = re.search(r"VmHWM:\s+(\d+) kB", status)
-        assert found is not None
-        return int(found[1]) / 1e3
+        match = re.search(r"VmHWM:\s+(\d+) kB", status)
+        assert match is not None
+        return int(match[1]) / 1e3
 
     def processor_time(self) -> float:
         """Processor time used by the process [s]."""

@@ -217,7 +217,7 @@ export function sectionChart(container, { port, chainage, group }) {
   };
 }
 
-/** Bars; the class of a section stands in its bar and, where its number is known, gives the colour. */
+/** Bars with the class of their section, which also gives the colour where its number is known. */
 function drawSections(pen, box, sections) {
   for (const one of sections) {
     const start = box.x(one.start_m), end = box.x(one.end_m), width = Math.max(1, end - start - (end - start > 4 ? 1 : 0));

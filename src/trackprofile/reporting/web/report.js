@@ -61,9 +61,10 @@ function read(distance) {
   document.getElementById("reading").textContent = `${chainage(distance)}, ${number(distance, 1)} m: ${parts.join(", ")}`;
 }
 
+/** Shows the stretch of the address; an address of another part of the report changes nothing. */
 function followAddress() {
   const stretch = stretchOf(location.hash);
-  show(stretch || whole, { keepAddress: true });
+  show(stretch || view, { keepAddress: true });
   if (stretch) document.getElementById("charts").scrollIntoView({ block: "start" });
 }
 

@@ -41,7 +41,7 @@ export const bandChoice = (app) => choice("Band", app.bands.map((band) => [band.
 /** A button with an accessible name. */
 export const button = (name, text, onclick, attributes = {}) => el("button", { type: "button", "aria-label": name, title: name, onclick, ...attributes }, text);
 
-/** A place for a chart, with its accessible name. */
+/** A container of a chart, with its accessible name. */
 export const chartBox = (name, size = "strip") => el("div", { class: size, role: "img", "aria-label": name });
 
 /** Caveats on the assessment, closed until they are asked for. */

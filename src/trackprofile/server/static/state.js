@@ -1,4 +1,4 @@
-// What is shown stands in the address, so that it can be shared and back and forward work.
+// The address holds the state of the viewer: it can be shared, and back and forward work.
 
 const KEYS = ["view", "line", "direction", "day", "entry", "band", "from", "to", "at", "since", "compared_day", "minimum_action", "band_filter", "order", "page"];
 const NUMBERS = new Set(["from", "to", "at", "page"]);
