@@ -130,6 +130,9 @@ function markDefects(pen, box, defects) {
   }
 }
 
+/** Whether all parts of an update are those that a chart shows. */
+const isShown = (shown, next) => Object.keys(next).every((key) => next[key] === shown[key]);
+
 /** Columns of a table of uPlot from an envelope: distance, interval (high, low), level (high, low). */
 function envelopeTable(envelope) {
   if (!envelope) return [[], [], [], [], []];
@@ -148,7 +151,7 @@ function envelopeTable(envelope) {
  * limits, defects, pinned}.
  */
 export function levelChart(container, { port, chainage, group, bare = false, hasCompared = false }) {
-  const shown = { envelope: null, compared: null, view: port.view(), limits: [], defects: [], pinned: undefined };
+  const shown = { envelope: null, compared: null, view: [0, 1], limits: [], defects: [], pinned: undefined };
   const visibleLimits = () => shown.limits.filter((limit) => limit.height_mm <= range()[1]);
   const range = () => levelRange([shown.envelope, shown.compared], shown.view, shown.limits);
   const level = colour("level"), compared = colour("compared");
@@ -184,6 +187,7 @@ export function levelChart(container, { port, chainage, group, bare = false, has
   return {
     resize: () => resize(plot, container),
     update(next) {
+      if (isShown(shown, next)) return;
       const isNew = next.envelope !== shown.envelope || next.compared !== shown.compared;
       Object.assign(shown, next);
       // Behind single lines the other level is wider; behind the range of a bin it would seem larger.
@@ -198,7 +202,7 @@ export function levelChart(container, { port, chainage, group, bare = false, has
 
 /** Standard deviations per section as bars with their 95 % interval; `update` takes {sections, view}. */
 export function sectionChart(container, { port, chainage, group }) {
-  const shown = { sections: [], view: port.view() };
+  const shown = { sections: [], view: [0, 1] };
   const inside = () => shown.sections.filter((one) => one.end_m > shown.view[0] && one.start_m < shown.view[1]);
   const plot = plotIn(container, {
     data: [[0], [null]], group,
@@ -211,6 +215,7 @@ export function sectionChart(container, { port, chainage, group }) {
   return {
     resize: () => resize(plot, container),
     update(next) {
+      if (isShown(shown, next)) return;
       Object.assign(shown, next);
       plot.setScale("x", { min: shown.view[0], max: shown.view[1] });
     },

@@ -11,16 +11,17 @@ import { covers, tileOf } from "./tiles.js";
 
 const LOAD_DELAY_MS = 90, SAVE_DELAY_MS = 250; // after the last move
 const MAX_DEFECTS = 500, SCHEMATIC_BINS = 400;
+const NO_LIMITS = [];
 const GROUP = "line"; // of charts that share the cursor
 const chainage = (distance, step) => km(distance, kmDigits(step));
 
 export function mount(root, app) {
   const schematic = el("canvas", { class: "schematic", role: "img", "aria-label": "Defects along the line" });
-  const strips = app.bands.map((band) => ({ band, box: chartBox(`Level in ${band.name} with its 95 % interval`), chart: null, whole: null, tile: null }));
+  const strips = app.bands.map((band) => ({ band, box: chartBox(`Level in ${band.name} with its 95 % interval`), chart: null, whole: null, tile: null, defects: [] }));
   const sections = { box: chartBox("Standard deviation per section", "low"), name: el("span", {}), chart: null };
   const range = el("output", { class: "range" }), reading = el("output", { class: "reading" }), marked = el("span", { class: "picked" });
-  const marks = { schematic: [], defects: [], sections: [] };
-  let view = null, selection = "", bar = null, loading = 0, saving = 0, abort = null;
+  const marks = { schematic: [], sections: [] };
+  let isWaiting = false, view = null, selection = "", bar = null, loading = 0, saving = 0, abort = null;
 
   const port = {
     view: () => view, whole: () => app.whole(), point: read,
@@ -51,10 +52,17 @@ export function mount(root, app) {
   /** Shows a stretch at once from loaded data; finer data follow. */
   function show(next) {
     view = next;
-    requestAnimationFrame(() => draw());
+    drawSoon();
     clearTimeout(loading);
     loading = setTimeout(() => load().catch(app.reportFailure), LOAD_DELAY_MS);
     app.setBusy(true);
+  }
+
+  /** Draws once before the next frame, however often it is called. */
+  function drawSoon() {
+    if (isWaiting) return;
+    isWaiting = true;
+    requestAnimationFrame(() => { isWaiting = false; draw(); });
   }
 
   /** Writes the stretch into the address. */
@@ -62,6 +70,10 @@ export function mount(root, app) {
     clearTimeout(saving);
     const isWhole = view[1] - view[0] > 0.9999 * (app.whole()[1] - app.whole()[0]);
     saving = setTimeout(() => { app.note({ from: isWhole ? undefined : view[0], to: isWhole ? undefined : view[1] }); draw(); }, SAVE_DELAY_MS);
+  }
+
+  function setDefects(defects) {
+    for (const strip of strips) strip.defects = defects.filter((one) => one.band === strip.band.name);
   }
 
   const finest = (strip) => (strip.tile && covers(strip.tile, view) ? strip.tile : strip.whole);
@@ -75,11 +87,11 @@ export function mount(root, app) {
       const band = strip.band.name;
       strip.whole ??= await request("level", { ...parameters, band, from: whole[0], to: whole[1], max_bins: pixels }, signal);
       if (tile.bins) strip.tile = await request("level", { ...parameters, band, from, to, max_bins: tile.bins }, signal);
-      requestAnimationFrame(() => draw());
+      drawSoon();
     });
     const others = [
       request("schematic", { ...parameters, bins: SCHEMATIC_BINS }, signal).then((answer) => { marks.schematic = answer.bins; }),
-      request("defects", { ...parameters, from, to, count: MAX_DEFECTS }, signal).then((answer) => { marks.defects = answer.total > answer.defects.length ? [] : answer.defects; }),
+      request("defects", { ...parameters, from, to, count: MAX_DEFECTS }, signal).then((answer) => { setDefects(answer.total > answer.defects.length ? [] : answer.defects); }),
       request("sections", { ...parameters, band: strips[0].band.name, from, to, count: Math.max(50, Math.round(pixels / 8)) }, signal).then((answer) => {
         marks.sections = answer.sections;
         sections.name.textContent = sectionsText(answer);
@@ -98,7 +110,7 @@ export function mount(root, app) {
     for (const strip of strips) {
       strip.chart ??= levelChart(strip.box, { port, chainage, group: GROUP });
       const envelope = finest(strip);
-      strip.chart.update({ envelope, view, limits: envelope?.limits || [], defects: marks.defects.filter((one) => one.band === strip.band.name), pinned });
+      strip.chart.update({ envelope, view, limits: envelope?.limits || NO_LIMITS, defects: strip.defects, pinned });
     }
     sections.chart ??= sectionChart(sections.box, { port, chainage, group: GROUP });
     sections.chart.update({ sections: marks.sections, view });
@@ -124,7 +136,8 @@ export function mount(root, app) {
     async update(state) {
       const now = JSON.stringify(app.selection()), whole = app.whole();
       if (now !== selection) {
-        Object.assign(marks, { schematic: [], defects: [], sections: [] });
+        Object.assign(marks, { schematic: [], sections: [] });
+        setDefects([]);
         for (const strip of strips) strip.whole = strip.tile = null;
       }
       clearTimeout(loading);
