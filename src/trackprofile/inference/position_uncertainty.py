@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from trackprofile.arrays import NORMAL_95
 from trackprofile.contracts.validation import DISTANCE_DEVIATION
 from trackprofile.models.sensor import Installation
 from trackprofile.preprocessing.motion import dead_reckoning_std
@@ -16,9 +17,6 @@ Array = NDArray[np.float64]
 
 MIN_SCALE = 2e-4
 """Logarithm of a distance scale from which it is compared with the wheel's scale, dimensionless."""
-
-NORMAL_95 = 1.96
-"""Standard deviations to each side that hold 95 %."""
 
 
 def correct_wheel_scale(

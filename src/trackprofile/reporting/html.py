@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import Any
 
+from trackprofile.arrays import NORMAL_95
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.limits import Action
@@ -31,7 +32,6 @@ ASSESS_TABLES = "the tables of trackprofile assess"
 
 _DECIMALS = {"_mm": 3, "_m": 1, "kilometre": 3}  # by the end of a column's name
 _MAIN_RESULTS = ("requires immediate", "require immediate", "Required action")
-_TWO_SIDED_95 = 1.96
 _MILLI = 1e3
 
 _BUTTONS = (
@@ -166,7 +166,7 @@ def _defect(one: Defect, report: Report) -> str:
     link = f'<a href="#at={one.peak:.1f}&amp;span=200">{escape(report.chainage.name(one.peak))}</a>'
     numbers = [
         f"{_MILLI * one.height:.2f}",
-        f"{_TWO_SIDED_95 * _MILLI * one.deviation:.2f}",
+        f"{NORMAL_95 * _MILLI * one.deviation:.2f}",
         f"{one.length:.1f}",
     ]
     numbers += [

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
+from trackprofile.arrays import NORMAL_95
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.levels import BandLevel, not_assessed
@@ -34,7 +35,6 @@ LINE_WIDTH = 150  # characters
 LINES_PER_PAGE = 46
 
 _MILLI = 1e3
-_TWO_SIDED_95 = 1.96
 
 
 def write_pdf(report: Report, path: Path) -> None:
@@ -95,7 +95,7 @@ def _draw_strip(
     end = start + STRIP_LENGTH
     inside = slice(*np.searchsorted(level.distance, [start, end]))
     x, y = level.distance[inside], _MILLI * level.level[inside]
-    half = _TWO_SIDED_95 * _MILLI * level.deviation[inside]
+    half = NORMAL_95 * _MILLI * level.deviation[inside]
     axes.fill_between(x, y - half, y + half, color=palette.INTERVAL, alpha=0.5, linewidth=0)
     axes.plot(x, y, color=palette.LEVEL, linewidth=0.6)
     limits = assessment.limits.defects_at(level.band.name, assessment.speed)
@@ -146,7 +146,7 @@ def _defect_row(one: Defect, chainage: ChainageTable) -> list[str]:
         percent(one.probabilities[action]) if action in one.probabilities else "–"
         for action in Action
     ]
-    half = _TWO_SIDED_95 * _MILLI * one.deviation
+    half = NORMAL_95 * _MILLI * one.deviation
     size = [f"{_MILLI * one.height:.1f}", f"{half:.1f}", f"{one.length:.1f}"]
     return [chainage.name(one.peak), one.band, *size, *probabilities, words(one.likely)]
 

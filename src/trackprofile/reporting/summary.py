@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from trackprofile.arrays import NORMAL_95
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.limits import KM_H, Action
@@ -16,7 +17,6 @@ MAX_NAMED = 5
 """Maximum number of locations that a sentence names; the table lists all of them."""
 
 _MILLI = 1e3
-_TWO_SIDED_95 = 1.96
 _MONTH = 30  # days
 
 
@@ -88,7 +88,7 @@ def _defect(defect: Defect, chainage: ChainageTable) -> str:
     side = "up" if defect.height > 0 else "down"
     size = f"{abs(_MILLI * defect.height):.1f}"
     if defect.deviation:
-        half = _TWO_SIDED_95 * _MILLI * defect.deviation
+        half = NORMAL_95 * _MILLI * defect.deviation
         digits = ".1f" if half >= 0.1 else ".2f" if half >= 0.005 else ".1g"
         size += f" ± {half:{digits}}"
     return (
@@ -189,12 +189,11 @@ def trend_summary(trend: Trend, chainage: ChainageTable) -> list[str]:
 
 def changed_location(one: ChangedLocation, chainage: ChainageTable) -> str:
     """A changed location: size and rate of the change, and when it reaches a limit."""
-    half = _TWO_SIDED_95 * _MILLI * one.deviation
+    half = NORMAL_95 * _MILLI * one.deviation
     text = f"{chainage.name(one.peak)} ({one.band}, {_MILLI * one.change:+.2f} ± {half:.2f} mm"
     if one.per_day is not None and one.per_day_deviation is not None:
         rate, rate_half = (
-            _MONTH * _MILLI * value
-            for value in (one.per_day, _TWO_SIDED_95 * one.per_day_deviation)
+            _MONTH * _MILLI * value for value in (one.per_day, NORMAL_95 * one.per_day_deviation)
         )
         text += f", {rate:+.2f} ± {rate_half:.2f} mm in {_MONTH} days"
     crossing = next((each for each in one.reached if each.median), None)

@@ -7,6 +7,7 @@ from datetime import timedelta
 
 import numpy as np
 
+from trackprofile.arrays import NORMAL_95
 from trackprofile.assessment.development import Development, around, development
 from trackprofile.assessment.limits import Action, DefectLimits, Limits
 from trackprofile.assessment.trend import ChangedLocation, DatedProfile, LimitCrossing, Trend, trend
@@ -51,7 +52,6 @@ MIN_FORECAST_DAYS, MAX_FORECAST_DAYS = 30, 3650
 _MILLI = 1e3
 _ANY_SPEED = 1.0  # m/s; the limits of a pass are those of its line speed
 _FORECAST_POINTS = 80
-_TWO_SIDED_95 = 1.96
 
 
 def band_of(name: str) -> Band:
@@ -309,7 +309,7 @@ def _section_changes(
         lengths.append(length)
         starts.append(columns["start_m"])
         values.append(columns["standard_deviation_mm"] / _MILLI)
-        deviations.append((columns["high_mm"] - columns["low_mm"]) / (2 * _TWO_SIDED_95 * _MILLI))
+        deviations.append((columns["high_mm"] - columns["low_mm"]) / (2 * NORMAL_95 * _MILLI))
     length = lengths[0]
     if lengths[0] != lengths[1] or not length:
         return length, empty_bins(*stretch, stretch[1] - stretch[0])

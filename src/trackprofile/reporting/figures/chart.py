@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from trackprofile.arrays import runs
+from trackprofile.arrays import NORMAL_95, runs
 from trackprofile.bands import D1, D2, Band, band_pass_pieces, resample
 from trackprofile.contracts import (
     Channel,
@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 MAX_POINTS = 4000
 """Maximum number of points of a line, about; a longer one is reduced to its extremes."""
 
-_TWO_SIDED_95 = 1.96
 _MILLI = 1e3
 _UNITS = {
     "vertical acceleration": ("m/s²", 1.0),
@@ -241,7 +240,7 @@ def _interval(track: _Track, middle: Array, deviation: str) -> Interval | None:
     """The 95 % interval [mm]; None if the profile states none."""
     if deviation not in track.deviations:
         return None
-    half = _TWO_SIDED_95 * track.deviations[deviation]
+    half = NORMAL_95 * track.deviations[deviation]
     low, high = _MILLI * (middle - half), _MILLI * (middle + half)
     kept = np.union1d(extremes(low), extremes(high))
     return Interval(track.distance[kept], low[kept], high[kept])
