@@ -269,8 +269,8 @@ def test_passes_of_one_day_are_shown_together_or_one_by_one(
         page.get_by_role("link", name="Two dates").click()
         expect(page.locator("main")).to_contain_text("passes of one date only")
         page.get_by_label("Line", exact=True).select_option(MAIN)
-        expect(page.locator(".strip canvas")).to_have_count(2)
         window.idle()
+        expect(page.locator(".strip canvas")).to_have_count(2)
 
 
 @pytest.mark.acceptance
