@@ -32,6 +32,7 @@ from trackprofile.contracts.identity import (
 )
 from trackprofile.errors import DataError, FileError
 from trackprofile.inference.infer import estimate
+from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io import write
 from trackprofile.io.model_toml import read_vehicle
 from trackprofile.positioning import locate, map_matching, position_model, position_smoother
@@ -255,7 +256,7 @@ def test_a_pass_is_one_entry_of_a_store_whatever_was_estimated(
 def test_a_profile_names_its_recording_by_both_schemes(run: Path) -> None:
     recording = read(run)
     vehicle, installation = read_vehicle("quarter-car")
-    result = estimate(recording, vehicle, installation=installation)
+    result = estimate(recording, vehicle, InferenceSettings(installation=installation))
     path, *_ = write_estimate(result, recording, run.with_name("profile.nc"))
     profile = read(path)
     assert profile.attrs[RECORDING] == recording.attrs["identity"]

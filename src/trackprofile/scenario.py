@@ -277,7 +277,7 @@ def _instruments(table: ScenarioTable, beside: Path) -> tuple[Instrument, ...]:
     if (table.sensors is None) == (not table.sensor):
         raise ModelError("give either sensors, a preset or a TOML, or tables [[sensor]]")
     if table.sensors is None:
-        return tuple(one.complete(table.source) for one in table.sensor)
+        return tuple(one.to_instrument(table.source) for one in table.sensor)
     return read_instruments(preset_or_path(table.sensors, beside))
 
 

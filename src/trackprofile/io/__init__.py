@@ -1,15 +1,15 @@
-"""Reading and writing, by suffix; one small module per format.
+"""Files: reading and writing, by suffix, with one small module per format. Nothing is estimated here.
 
-======================  ===================================================================
-suffix                  what it holds
-======================  ===================================================================
-``.nc``                 either contract, whole
+======================  =======================================================================
+suffix                  content
+======================  =======================================================================
+``.nc``                 a recording or a profile, complete
 ``.csv``, ``.parquet``  a profile: ``distance_m``, ``elevation_m``, ``standard_deviation_m`` ...
-``.toml``               a recording: which column of the table beside it is what
-``.csv``, ``.parquet``  that table itself, if its TOML stands beside it under the same name
-======================  ===================================================================
+``.toml``               a recording: description of the columns of a table in the same folder
+``.csv``, ``.parquet``  that table itself, if its TOML has the same name
+======================  =======================================================================
 
-A new format is a new module with the six names of `Format`, and one more line in `FORMATS`.
+To add a format, add a module with the six names of `Format`, and list it in `FORMATS`.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from trackprofile.io.unlocated_recording import UnlocatedRecording as UnlocatedR
 
 
 class Format(Protocol):
-    """What a module must have to be a format.
+    """Names that a module of a format defines.
 
-    ``NAME`` says what it holds, ``HOLDS`` which contracts, ``SUFFIXES`` how its files may end.
-    `sniff` tells whether a file with such a suffix is of this format.
+    ``NAME`` describes the format for messages, ``HOLDS`` lists its contracts, ``SUFFIXES`` the suffixes of its files.
+    `sniff` returns whether a file with such a suffix is of this format.
     """
 
     @property
@@ -54,7 +54,7 @@ def read(path: str | Path) -> xr.Dataset | UnlocatedRecording:
 
     Raises
     ------
-    FileError : there is no such file, or it is not what its suffix promises.
+    FileError : the file does not exist, or is not of the format of its suffix.
     DataError : its contents cannot be used; the message names file, column and row.
 
     Examples
@@ -66,50 +66,52 @@ def read(path: str | Path) -> xr.Dataset | UnlocatedRecording:
     path = Path(path)
     formats = _formats(path)
     if not path.is_file():
-        raise FileError(f"{path}: there is no such file; check the path.")
+        raise FileError(f"{path}: the file does not exist; check the path.")
     if path.stat().st_size == 0:
         raise FileError(f"{path}: the file is empty; copy or record it again.")
     try:
-        for one in formats:
-            if one.sniff(path):
-                return one.read(path)
+        for candidate in formats:
+            if candidate.sniff(path):
+                return candidate.read(path)
     except OSError as error:
-        # The libraries raise it too, without a reason of the system's, for what they cannot read.
+        # Libraries raise it too, without a reason of the operating system, for a file that they cannot read.
         reason = error.strerror or "damaged or cut short; copy it again"
         raise FileError(f"{path}: cannot be read ({reason}).") from error
     raise FileError(
-        f"{path}: expected {', or '.join(one.NAME for one in formats)}; found something else."
+        f"{path}: expected {', or '.join(one.NAME for one in formats)}; choose another file, or correct its columns."
     )
 
 
 def write(dataset: xr.Dataset, path: str | Path) -> tuple[Path, ...]:
-    """Write a recording or profile in the format of the path's suffix; all of it, or nothing.
+    """Write a recording or profile in the format of the suffix; completely or not at all.
 
     Returns
     -------
-    The files written: a recording as a table has two, the table and the TOML that explains it.
+    files written: of a recording as a table both the table and the TOML that describes it
 
     Raises
     ------
-    FileError : the suffix is unknown or cannot hold this contract, or the place is not writable.
-    DataError : the dataset does not keep its contract.
+    FileError : the suffix is unknown or is not one of this contract, or the file cannot be written.
+    DataError : the dataset violates its contract.
     """
     path = Path(path)
     return format_to_write(validate(dataset).attrs["kind_of_data"], path).write(dataset, path)
 
 
 def format_to_write(kind: str, path: Path) -> Format:
-    """The format in which `write` would put a recording or profile there, before there is one.
+    """Format in which `write` writes a recording or profile to a path.
 
     Raises
     ------
-    FileError : the suffix is unknown or cannot hold it.
+    FileError : the suffix is unknown or is not one of this contract.
     """
     for one in FORMATS:
         if kind in one.HOLDS and path.suffix.lower() in one.SUFFIXES:
             return one
     suffixes = [end for one in FORMATS if kind in one.HOLDS for end in one.SUFFIXES]
-    raise FileError(f"{path}: a {kind} is written to a file that ends in {', '.join(suffixes)}.")
+    raise FileError(
+        f"{path}: a {kind} is written to a file that ends in {', '.join(suffixes)}; change the suffix."
+    )
 
 
 def _formats(path: Path) -> tuple[Format, ...]:

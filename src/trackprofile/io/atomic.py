@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all."""
+"""Output files are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from trackprofile.errors import FileError
 
 @contextmanager
 def whole_files(*paths: str | Path) -> Iterator[tuple[Path, ...]]:
-    """Temporary paths to write to, one per path; they take their names only if nothing fails.
+    """Temporary paths to write to, one per path; they are renamed to the paths only if nothing fails.
 
-    They lie in the same folders, so that taking the name is one step of the file system, and end
-    in the same suffix, for writers that choose the format by it.
+    They are in the same folders, so that renaming is one operation of the file system, and have the same suffix, for
+    writers that choose the format by it.
 
     Raises
     ------
@@ -41,23 +41,27 @@ def whole_files(*paths: str | Path) -> Iterator[tuple[Path, ...]]:
             os.replace(part, target)
     except OSError as error:
         names = ", ".join(map(str, targets))
-        raise FileError(f"{names}: cannot be written ({error.strerror or error}).") from error
+        raise FileError(
+            f"{names}: cannot be written ({error.strerror or error}); choose another folder, or free space."
+        ) from error
     finally:
         for part in parts:
             part.unlink(missing_ok=True)
 
 
 def check_writable(*paths: str | Path) -> None:
-    """See that files can have these names: worth asking before long work.
+    """Check that files can be written to these paths, before a long computation.
 
     Raises
     ------
-    FileError : a path is a folder, or its folder is missing or not writable.
+    FileError : a path is a folder, or its folder does not exist or is not writable.
     """
     for path in map(Path, paths):
         if path.is_dir():
-            raise FileError(f"{path}: expected a file to write, this is a folder; add a name.")
+            raise FileError(f"{path}: expected a file to write, got a folder; add a file name.")
         if not path.parent.is_dir():
-            raise FileError(f"{path}: there is no folder {path.parent}; create it first.")
+            raise FileError(f"{path}: the folder {path.parent} does not exist; create it first.")
         if not os.access(path.parent, os.W_OK):
-            raise FileError(f"{path}: the folder {path.parent} is not writable.")
+            raise FileError(
+                f"{path}: the folder {path.parent} is not writable; choose another folder."
+            )

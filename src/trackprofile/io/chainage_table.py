@@ -1,7 +1,7 @@
-"""A way as a table, in CSV or Parquet: kilometre posts and coordinates along a run.
+"""Chainage table in CSV or Parquet: kilometre posts and coordinates along a line.
 
-Columns: ``distance_m`` and, at least one of both, ``kilometre`` and the pair ``latitude_deg``, ``longitude_deg``. A
-cell may be empty: a row is a post, a point, or both.
+Columns: ``distance_m``, and ``kilometre`` or the pair ``latitude_deg``, ``longitude_deg`` or both. A cell may be empty:
+a row is a post, a point, or both.
 """
 
 from __future__ import annotations
@@ -18,31 +18,33 @@ POST, NORTH, EAST = "kilometre", "latitude_deg", "longitude_deg"
 
 
 def read_chainage(path: str | Path) -> ChainageTable:
-    """The way in a table.
+    """Read a chainage table.
 
     Raises
     ------
-    FileError : there is no such file, or it is no table.
-    DataError : a column is missing, or a row cannot be.
+    FileError : the file does not exist, or is not a table.
+    DataError : a column is missing, or a row cannot be used.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES or not path.is_file():
         raise FileError(
-            f"{path}: expected a table of the way, in a file that ends in {', '.join(SUFFIXES)}."
+            f"{path}: expected a chainage table, in a file that ends in {', '.join(SUFFIXES)}; check the path."
         )
     names = column_names(path)
     has_posts, has_points = POST in names, NORTH in names and EAST in names
     if not (has_posts or has_points):
         raise DataError(
             f"{path}: expected a column {POST!r}, or the two {NORTH!r} and {EAST!r}; "
-            f"the columns are {', '.join(names)}."
+            f"got the columns {', '.join(names)}; rename or add a column."
         )
     wanted = ["distance_m", *([POST] if has_posts else []), *([NORTH, EAST] if has_points else [])]
     table = read_columns(path, wanted)
     distance = table["distance_m"]
     if not np.isfinite(distance).all():
         row = int(np.argmin(np.isfinite(distance))) + 1
-        raise DataError(f"{path}: column 'distance_m', row {row}: there is no number; fill it in.")
+        raise DataError(
+            f"{path}: column 'distance_m', data row {row}: expected a number, got an empty cell; fill it in."
+        )
     posts = np.isfinite(table[POST]) if has_posts else np.zeros(distance.size, bool)
     points = np.zeros(distance.size, bool)
     if has_points:

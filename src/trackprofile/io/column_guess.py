@@ -1,4 +1,4 @@
-"""What a column of a logger's file probably is, by its name, its unit and its values; for a person to correct."""
+"""Probable meaning of a column in a file of a logger, by its name, unit and values; a person has to check it."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ Array = NDArray[np.float64]
 
 
 class Role(StrEnum):
-    """What a column can be."""
+    """Meaning of a column."""
 
     TIME = "time"
     DISTANCE = "distance"
     SPEED = "speed"
     LATITUDE = "latitude"
     LONGITUDE = "longitude"
-    GNSS_SPEED = "satellite speed"
+    GNSS_SPEED = "GNSS speed"
     PULSES = "odometer pulses"
     POST = "kilometre posts"
     VERTICAL = "vertical acceleration"
     PITCH = "pitch rate"
     ROLL = "roll rate"
-    ACCELERATION = "acceleration, not vertical"
-    RATE = "rate, of neither pitch nor roll"
+    ACCELERATION = "other acceleration"
+    RATE = "other angular rate"
     OTHER = "other"
 
 
@@ -50,7 +50,7 @@ DIMENSIONS: Mapping[Role, str] = {
 }
 
 SENSOR_ROLES = (Role.VERTICAL, Role.PITCH, Role.ROLL)
-"""What a recording's channels measure."""
+"""Roles of the channels of a recording."""
 
 _ACCELERATION = r"acc|beschl|\ba_?[xyz]\b|加速度"
 _NOT_VERTICAL = "lat|quer|long|längs"
@@ -84,27 +84,35 @@ _BODIES = (
 _LEFT, _RIGHT = r"\b(left|links?|l|li|lh)\b|左", r"\b(right|rechts?|r|re|rh)\b|右"
 
 SIDE_OFFSET = 1.0
-"""m from the middle, at which a sensor probably is of which only the side is said."""
+"""Assumed distance from the middle of a sensor of which only the side is stated [m]."""
 
 _MAX_DEGREES = {Role.LATITUDE: 90.0, Role.LONGITUDE: 180.0}
 
 MIN_MISSING_SHARE_OF_POSTS = 0.5
-"""Share of missing values from which kilometres are posts passed, and no distance."""
+"""Share of missing values above which kilometres are those of kilometre posts, and not a distance."""
 
 MIN_MONOTONIC_SHARE = 0.99
-"""Share of steps in one direction that make a distance."""
+"""Share of steps in one direction above which values are a distance."""
 
 _MAX_SPEED = 60.0
-"""m/s: what is above is in km/h."""
+"""Speed above which the unit is km/h [m/s]."""
 
 _MAX_KILOMETRE = 3000.0
-"""km: posts below say kilometres."""
+"""Location of a post below which the unit is km [km]."""
 
 
 @dataclass(frozen=True)
 class ColumnGuess:
-    """Role, unit, and the body that carries it, how far to the left of its middle; ``sure`` where the file says the
-    unit itself."""
+    """Probable meaning of a column.
+
+    Parameters
+    ----------
+    role : what it measures
+    unit : its unit
+    body : body of the vehicle that carries the sensor; "" for other columns
+    sure : whether the file states the unit
+    lateral : distance of the sensor to the left of the centre of the body [m]
+    """
 
     role: Role
     unit: str = ""
@@ -114,12 +122,17 @@ class ColumnGuess:
 
 
 def guess(heading: ColumnInfo, values: Array) -> ColumnGuess:
-    """What a column, with its values (n,), probably is.
+    """Guess the meaning of a column.
+
+    Parameters
+    ----------
+    heading : information in the file
+    values : values of the column, (n,) [unit of the column]
 
     Examples
     --------
     >>> guess(ColumnInfo("Bogie acc z", "g"), np.array([1.0, 1.01]))
-    Guess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True, lateral=0.0)
+    ColumnGuess(role=<Role.VERTICAL: 'vertical acceleration'>, unit='g', body='leading bogie', sure=True, lateral=0.0)
     >>> guess(ColumnInfo("GPS speed"), np.array([0.0, 140.0])).unit
     'km/h'
     """
@@ -131,7 +144,7 @@ def guess(heading: ColumnInfo, values: Array) -> ColumnGuess:
     if role is Role.OTHER:
         role = _role_by_unit(unit)
         if role is Role.DISTANCE and not _is_monotonic(values):
-            role = Role.OTHER  # a height, or some other length
+            role = Role.OTHER  # a height, or another length
     role = _role_by_values(role, values)
     if role is Role.PULSES:
         return ColumnGuess(role, "pulses", sure=True)
@@ -145,7 +158,7 @@ def guess(heading: ColumnInfo, values: Array) -> ColumnGuess:
 
 
 def _role_by_values(role: Role, values: Array) -> Role:
-    """The role, or another where the values cannot be of it."""
+    """Role, corrected where the values are impossible for it."""
     known = values[np.isfinite(values)]
     if role in _MAX_DEGREES and known.size and np.max(np.abs(known)) > _MAX_DEGREES[role]:
         return Role.OTHER
@@ -155,7 +168,7 @@ def _role_by_values(role: Role, values: Array) -> Role:
 
 
 def _is_monotonic(values: Array) -> bool:
-    """Whether values rise, or fall, as a distance does."""
+    """Whether values increase, or decrease, as a distance does."""
     steps = np.diff(values[np.isfinite(values)])
     return steps.size > 0 and bool(
         max(np.mean(steps >= 0), np.mean(steps <= 0)) > MIN_MONOTONIC_SHARE
@@ -163,11 +176,13 @@ def _is_monotonic(values: Array) -> bool:
 
 
 def _role_by_name(name: str) -> Role:
+    """First role whose pattern matches the name."""
     plain = re.sub(r"[_./]+", " ", name.lower())
     return next((role for role, words in _NAMES if re.search(words, plain)), Role.OTHER)
 
 
 def _role_by_unit(unit: str) -> Role:
+    """First role with the dimension of the unit."""
     return next(
         (role for role, dimension in DIMENSIONS.items() if _is_unit_of(unit, dimension)), Role.OTHER
     )
@@ -182,18 +197,18 @@ def _is_unit_of(unit: str, dimension: str) -> bool:
 
 
 def _unit_in_name(name: str) -> str:
-    """A unit at the end of a name, such as in ``distance_m`` or ``speed_km_h``."""
+    """Unit at the end of a name, such as in ``distance_m`` or ``speed_km_h``; "" if there is none."""
     plain = name.lower().replace("_per_", "/").replace("deg", "°")
-    found = [""]
+    candidates = [""]
     for unit in (unit for units in FACTORS.values() for unit in units):
-        written = unit.lower().replace("²", "2").replace(" ", "_")
-        forms = {written, written.replace("/", "_"), written.replace("/", "")}
-        found += [unit for form in forms if plain.endswith(("_" + form, " " + form))]
-    return max(found, key=len)
+        text = unit.lower().replace("²", "2").replace(" ", "_")
+        forms = {text, text.replace("/", "_"), text.replace("/", "")}
+        candidates += [unit for form in forms if plain.endswith(("_" + form, " " + form))]
+    return max(candidates, key=len)
 
 
 def _unit_by_values(role: Role, values: Array) -> str:
-    """The unit in which such values are likely; SI where that tells nothing."""
+    """Probable unit of values; the SI unit if they do not determine it."""
     known = values[np.isfinite(values)]
     if known.size:
         if role is Role.VERTICAL and abs(abs(np.median(known)) - 1.0) < 0.1:
@@ -215,7 +230,7 @@ def _body_in_name(name: str) -> str:
 
 
 def _lateral_in_name(name: str) -> float:
-    """m to the left; 0 where a name says neither side, or both."""
+    """Assumed distance to the left [m]; 0 if the name has neither side, or both."""
     plain = re.sub(r"[_./]+", " ", name.lower())
     left, right = (bool(re.search(words, plain)) for words in (_LEFT, _RIGHT))
     return SIDE_OFFSET * (left - right)

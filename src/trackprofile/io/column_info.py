@@ -1,4 +1,4 @@
-"""What every format of a table says of its columns before they are read."""
+"""Information about the columns of a table, which every format gives before they are read."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from trackprofile.errors import DataError, FileError
 Column = NDArray[Any]
 
 UNCHECKED_SIZE = 1 << 28
-"""That a file may claim to hold whatever its size; beyond, no more than ``MAX_COMPRESSION`` times its size."""
+"""Size of content up to which the stated size is not checked [B]; above, it is at most `MAX_COMPRESSION` times the
+size of the file."""
 
 MAX_COMPRESSION = 1000
-"""What compression makes of a channel that hardly changes."""
+"""Compression ratio of a channel that hardly changes."""
 
 
 @dataclass(frozen=True)
 class ColumnInfo:
-    """A column of a table, or a channel of a logger's file.
+    """A column of a table, or a channel of a file of a logger.
 
     Parameters
     ----------
-    name : by which it is asked for; unique
-    unit : as the file states it, "" where it does not
-    rows : values it has; 0 where that is known only by reading
-    clock : the name of the column with the times of its values; "" where the file does not say
-    form : of a text: one of `trackprofile.io.timestamps.TIMESTAMP_FORMS` or "text"; "" is a number
+    name : unique name
+    unit : as the file states it; "": not stated
+    rows : number of values; 0: known only after reading
+    clock : name of the column with the times of its values; "": not stated
+    form : of text: one of `trackprofile.io.timestamps.TIMESTAMP_FORMS`, or "text"; "": numbers
     """
 
     name: str
@@ -44,12 +45,12 @@ class ColumnInfo:
 def with_unique_names(
     headings: Sequence[ColumnInfo], groups: Sequence[str]
 ) -> tuple[ColumnInfo, ...]:
-    """Headings with the group before each name that another group has too.
+    """Column information in which a name that occurs in several groups is preceded by its group.
 
     Examples
     --------
-    >>> two = (ColumnInfo("a", clock="t"), ColumnInfo("t"), ColumnInfo("a", clock="t"), ColumnInfo("t"))
-    >>> [(one.name, one.clock) for one in with_unique_names(two, ("1", "1", "2", "2"))]
+    >>> columns = (ColumnInfo("a", clock="t"), ColumnInfo("t"), ColumnInfo("a", clock="t"), ColumnInfo("t"))
+    >>> [(one.name, one.clock) for one in with_unique_names(columns, ("1", "1", "2", "2"))]
     [('1/a', '1/t'), ('1/t', ''), ('2/a', '2/t'), ('2/t', '')]
     """
     names = [one.name for one in headings]
@@ -63,31 +64,31 @@ def with_unique_names(
     )
 
 
-def check_size(path: Path, claimed: float) -> None:
-    """Refuse a file that claims to hold more bytes than can be in it.
+def check_size(path: Path, stated_size: float) -> None:
+    """Refuse a file that states more content than it can contain.
 
     Raises
     ------
-    FileError : a damaged length would make a small file fill the memory.
+    FileError : the stated size is impossible; a damaged length could otherwise exhaust the memory.
     """
-    if claimed > max(UNCHECKED_SIZE, MAX_COMPRESSION * path.stat().st_size):
+    if stated_size > max(UNCHECKED_SIZE, MAX_COMPRESSION * path.stat().st_size):
         raise FileError(
-            f"{path}: it claims to hold {claimed / 1e9:.3g} GB, more than can be packed into its "
-            f"{path.stat().st_size / 1e6:.3g} MB: damaged; copy it again."
+            f"{path}: the file states a content of {stated_size / 1e9:.3g} GB, more than its "
+            f"{path.stat().st_size / 1e6:.3g} MB can hold: damaged; copy it again."
         )
 
 
 def to_numbers(path: Path, name: str, values: Any) -> Column:
-    """A column as float64.
+    """Values of a column as float64.
 
     Raises
     ------
-    DataError : it holds something else.
+    DataError : it does not hold numbers.
     """
     array = np.asarray(values)
     if array.dtype.kind not in "fiub" or array.ndim != 1:
         raise DataError(
-            f"{path}: column {name!r} does not hold numbers in a row (it is {array.dtype} of shape {array.shape}); "
-            "choose another."
+            f"{path}: column {name!r}: expected a one-dimensional array of numbers, got {array.dtype} of shape "
+            f"{array.shape}; choose another column."
         )
     return array.astype(np.float64, copy=False)

@@ -1,8 +1,8 @@
-"""How a CSV file is written: its encoding, separator, decimal mark, and where its header and its numbers begin.
+"""Dialect of a CSV file: encoding, separator, decimal mark, and the rows of header and data.
 
-Loggers and spreadsheets agree on none of these. They are read off the beginning of the file: the separator and decimal
-mark under which most cells are numbers, timestamps or empty; above them the last row of as many words is the header,
-and one more row of words below that its units. What stands above is left aside.
+Loggers and spreadsheets differ in all of these. They are determined from the beginning of the file: the separator and
+decimal mark with which most cells are numbers, timestamps or empty. Above the data, the last row of text with as many
+cells is the header, and a row of short texts directly below it holds the units. Rows above the header are ignored.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from pathlib import Path
 from trackprofile.errors import FileError
 
 HEADER_SIZE = 1 << 16
-"""Bytes that tell how a file is written."""
+"""Bytes from which the dialect is determined."""
 
 SEPARATORS = (",", ";", "\t", "|", " ")
-"""A blank stands for any number of blanks and tabs."""
+"""Separators; a space stands for any number of spaces and tabs."""
 
 MISSING = (
     "",
@@ -38,7 +38,7 @@ MISSING = (
     "nan",
     "NAN",
 )
-"""Words for a value that is not there."""
+"""Texts of a missing value."""
 
 _NUMBER = {
     ".": re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(inf|Inf)"),
@@ -53,17 +53,17 @@ _UNIT = re.compile(r"(.*\S)\s*[\[(]([^\])]*)[\])]")
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one CSV file is written.
+    """Dialect of one CSV file.
 
     Parameters
     ----------
-    encoding : of its bytes, by Python's name
+    encoding : name of the encoding in Python
     separator : one of `SEPARATORS`
     decimal : "." or ","
-    names : of its columns
-    units : as the header states them, "" where it does not
-    skipped : lines above the first row of data
-    first : the first value in each column, "" where its beginning has none
+    names : names of the columns
+    units : units in the header; "": not stated
+    skipped : number of lines above the first row of data
+    first : first value of each column; "": none in the beginning of the file
     """
 
     encoding: str
@@ -76,11 +76,11 @@ class Dialect:
 
 
 def find_dialect(path: Path) -> Dialect:
-    """How a CSV file is written.
+    """Determine the dialect of a CSV file.
 
     Raises
     ------
-    FileError : nothing in it looks like a table.
+    FileError : the file does not contain a table.
     """
     with path.open("rb") as file:
         beginning = file.read(HEADER_SIZE)
@@ -92,7 +92,7 @@ def find_dialect(path: Path) -> Dialect:
         raise unreadable_table(path)
     lines = text.splitlines()
     if len(beginning) == HEADER_SIZE:
-        lines = lines[:-1]  # cut short by the reading
+        lines = lines[:-1]  # the last line is incomplete
     if max(map(len, lines), default=0) > csv.field_size_limit():
         raise unreadable_table(path)
     guesses = [
@@ -115,7 +115,7 @@ def find_dialect(path: Path) -> Dialect:
 
 
 def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number, a truth or empty.
+    """Whether a cell is a number, a boolean or empty.
 
     Examples
     --------
@@ -127,12 +127,12 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def unreadable_table(path: Path) -> FileError:
-    """What is said of a file that is none."""
+    """Error for a file that is not a table."""
     return FileError(f"{path}: not a readable CSV table; copy or export it again.")
 
 
 def _encoding(beginning: bytes) -> str:
-    """By its mark; else UTF-8 where it is that, else the usual one of old Windows programs."""
+    """Encoding by the byte order mark; without one UTF-8 if valid, else that of older Windows programs."""
     for mark, encoding in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF16_LE, "utf-16"),
@@ -148,14 +148,14 @@ def _encoding(beginning: bytes) -> str:
 
 
 def _rows(lines: list[str], separator: str) -> list[list[str]]:
-    """Cells of each line; a quoted cell does not go on over lines."""
+    """Cells of each line; a quoted cell ends on its line."""
     if separator == " ":
         return [line.split() for line in lines]
     return [next(csv.reader([line], delimiter=separator), []) for line in lines]
 
 
 def _kind(cell: str, decimal: str) -> str:
-    """What a cell holds: "number", "other" value (a time or a truth), "empty" or "word"."""
+    """Kind of a cell: "number", "other" value (a time or a boolean), "empty" or "word"."""
     cell = cell.strip()
     if cell in MISSING:
         return "empty"
@@ -165,7 +165,7 @@ def _kind(cell: str, decimal: str) -> str:
 
 
 def _score(rows: list[list[str]], decimal: str) -> tuple[float, int]:
-    """How well this explains the file: the share of lines that are rows of values, and how many values they have."""
+    """Score of a dialect: share of lines that are rows of values, and number of values in a row."""
     width = _width(rows)
     kinds = [[_kind(cell, decimal) for cell in row] for row in rows if len(row) == width]
     values = sum(1 for row in kinds if "number" in row)
@@ -176,13 +176,13 @@ def _score(rows: list[list[str]], decimal: str) -> tuple[float, int]:
 
 
 def _width(rows: list[list[str]]) -> int:
-    """How many cells most rows have."""
+    """Most frequent number of cells in a row."""
     counts = Counter(len(row) for row in rows if row)
     return max(counts, key=lambda width: (counts[width], width), default=0)
 
 
 def _header(rows: list[list[str]], decimal: str) -> tuple[int | None, int]:
-    """The row of the columns' names, if there is one, and the first row of values."""
+    """Row of the column names, None if there is none, and first row of values."""
     width = _width(rows)
     kinds = [[_kind(cell, decimal) for cell in row] for row in rows]
 
@@ -196,13 +196,17 @@ def _header(rows: list[list[str]], decimal: str) -> tuple[int | None, int]:
     first = next(
         (i for i, row in enumerate(kinds) if len(row) == width and "number" in row), len(rows)
     )
-    # A cell that is damaged in the first row of values does not make it a header: that stands above.
-    above = [i for i in range(first) if words(i)]
-    if not above:
+    # A damaged cell in the first row of values does not make that row a header: the header is above it.
+    candidates = [i for i in range(first) if words(i)]
+    if not candidates:
         return None, first
-    if len(above) > 1 and above[-1] == above[-2] + 1 and _are_units(rows[above[-1]]):
-        return above[-2], above[-1] + 1
-    return above[-1], above[-1] + 1
+    if (
+        len(candidates) > 1
+        and candidates[-1] == candidates[-2] + 1
+        and _are_units(rows[candidates[-1]])
+    ):
+        return candidates[-2], candidates[-1] + 1
+    return candidates[-1], candidates[-1] + 1
 
 
 def _are_units(row: list[str]) -> bool:
@@ -212,7 +216,7 @@ def _are_units(row: list[str]) -> bool:
 def _names(
     rows: list[list[str]], header: int | None, first: int
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of the columns."""
+    """Names and units of the columns; unnamed columns are numbered."""
     if header is None:
         count = _width(rows)
         return tuple(f"column {i}" for i in range(1, count + 1)), ("",) * count
@@ -222,6 +226,6 @@ def _names(
     for i, name in enumerate(named):
         if not name:
             named[i] = f"column {i + 1}"
-        elif not units[i] and (found := _UNIT.fullmatch(name)):
-            units[i] = found[2].strip()
+        elif not units[i] and (match := _UNIT.fullmatch(name)):
+            units[i] = match[2].strip()
     return tuple(named), tuple(units)

@@ -1,4 +1,4 @@
-"""Tables in CSV, in whatever dialect."""
+"""Tables in CSV, in any dialect."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc")
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
-    """The columns of a table."""
+    """Information about the columns of a table."""
     dialect = _dialect(path)
     return tuple(
         ColumnInfo(
@@ -30,23 +30,23 @@ def headings(path: Path) -> tuple[ColumnInfo, ...]:
 
 
 def read(path: Path, schema: pa.Schema) -> pa.Table:
-    """The columns of the schema, by name and type.
+    """Read the columns of a schema, by name and type.
 
     Raises
     ------
-    DataError : it is cut short, or a cell does not hold what the schema says; the row is named.
+    DataError : the file is cut short, or a cell is not of the type in the schema; the message names the row.
     """
     dialect = _dialect(path)
-    short: list[arrow_csv.InvalidRow] = []
+    incomplete: list[arrow_csv.InvalidRow] = []
 
     def note(row: arrow_csv.InvalidRow) -> str:
-        short.append(row)
+        incomplete.append(row)
         return "error"
 
     source, separator = path, dialect.separator
     if separator == " ":
-        packed = re.sub(r"[ \t]+", " ", path.read_text(dialect.encoding))
-        source = pa.BufferReader(re.sub(r"(?m)^ | $", "", packed).encode())
+        single_spaced = re.sub(r"[ \t]+", " ", path.read_text(dialect.encoding))
+        source = pa.BufferReader(re.sub(r"(?m)^ | $", "", single_spaced).encode())
     try:
         return arrow_csv.read_csv(
             source,
@@ -54,7 +54,7 @@ def read(path: Path, schema: pa.Schema) -> pa.Table:
                 column_names=dialect.names,
                 skip_rows=dialect.skipped,
                 encoding="utf-8" if separator == " " else dialect.encoding,
-                # One thread: only then does Arrow know the number of a row that it cannot read.
+                # Only with one thread does Arrow report the number of a row that it cannot read.
                 use_threads=False,
             ),
             arrow_csv.ParseOptions(delimiter=separator, invalid_row_handler=note),
@@ -66,11 +66,11 @@ def read(path: Path, schema: pa.Schema) -> pa.Table:
             ),
         )
     except pa.ArrowInvalid as error:
-        if short:
-            row = short[0]
+        if incomplete:
+            row = incomplete[0]
             number = (row.number or dialect.skipped + 1) - dialect.skipped
             problem = (
-                f"expected {row.expected_columns} values, found {row.actual_columns}; "
+                f"expected {row.expected_columns} values, got {row.actual_columns}; "
                 "the file is cut short or damaged: copy it again, or remove the row."
             )
             raise RowError(str(path), number, problem) from error
@@ -80,7 +80,7 @@ def read(path: Path, schema: pa.Schema) -> pa.Table:
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
-    """Write columns with commas and points; NaN becomes an empty cell. Units stand in the names, if anywhere."""
+    """Write columns with commas and decimal points; NaN becomes an empty cell, units are not written."""
     table = pa.table({name: pa.array(one, from_pandas=True) for name, one in columns.items()})
     with path.open("wb") as file:
         file.write((",".join(map(_quoted, columns)) + "\n").encode())
@@ -95,13 +95,13 @@ def _dialect(path: Path) -> Dialect:
 
 
 def _unreadable(path: Path, dialect: Dialect, message: str) -> DataError:
-    found = re.search(r"column #(\d+): (?:Row #(\d+): )?.*invalid value '(.*)'", message, re.DOTALL)
-    if found is None or found[2] is None:
+    match = re.search(r"column #(\d+): (?:Row #(\d+): )?.*invalid value '(.*)'", message, re.DOTALL)
+    if match is None or match[2] is None:
         reason = " ".join(message.split())
-        return DataError(f"{path}: not a whole CSV table; copy or export it again ({reason}).")
-    column = dialect.names[int(found[1])]
-    problem = f"expected a number, found {found[3]!r}; mend the cell, or leave it empty."
-    return RowError(f"{path}: column {column!r}", int(found[2]) - dialect.skipped, problem)
+        return DataError(f"{path}: not a complete CSV table ({reason}); copy or export it again.")
+    column = dialect.names[int(match[1])]
+    problem = f"expected a number, got {match[3]!r}; correct the cell, or leave it empty."
+    return RowError(f"{path}: column {column!r}", int(match[2]) - dialect.skipped, problem)
 
 
 def _quoted(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Rows of numbers in HDF5 and NetCDF 4, and in MATLAB's files from version 7.3 on, which are HDF5 too."""
+"""One-dimensional arrays of numbers in HDF5, NetCDF 4 and MATLAB files of version 7.3 or later, which are HDF5."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ _MAX_DEPTH = 8
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
-    """The rows of numbers in a file, by their path in it; groups and matrices are passed over."""
+    """Arrays of numbers in a file, by path; groups and matrices are ignored."""
     return headings_in_subprocess(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """Some of them, by name.
+    """Read arrays by name.
 
     Raises
     ------
-    FileError : the file is damaged, or claims to hold more than it can.
+    FileError : the file is damaged, or states more content than it can hold.
     """
     return columns_in_subprocess(path, __name__, names)
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
-    """Write each column as a data set of its name, with its unit."""
+    """Write each column as a dataset of the same name, with its unit."""
     with h5py.File(path, "w") as file:
         for name, values in columns.items():
             file.create_dataset(name, data=values)
@@ -44,7 +44,7 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
 
 
 def headings_in_process(path: Path) -> tuple[ColumnInfo, ...]:
-    """The same in this process."""
+    """See `headings`; in this process."""
     with open_hdf5(path) as file:
         return tuple(
             ColumnInfo(name, _unit(one), int(one.size or 0), _clock(file, one))
@@ -53,7 +53,7 @@ def headings_in_process(path: Path) -> tuple[ColumnInfo, ...]:
 
 
 def read_in_process(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """The same in this process."""
+    """See `read`; in this process."""
     with open_hdf5(path) as file:
         rows = {name: one for name, one in _rows(file) if name in names}
         check_size(path, 8.0 * sum(int(one.size or 0) for one in rows.values()))
@@ -62,7 +62,7 @@ def read_in_process(path: Path, names: Sequence[str]) -> dict[str, Column]:
 
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[h5py.File]:
-    """The file, with the library's errors as ours."""
+    """Open a file; errors of the library become a `FileError`."""
     try:
         with h5py.File(path) as file:
             yield file
@@ -73,14 +73,14 @@ def open_hdf5(path: Path) -> Iterator[h5py.File]:
 
 
 def _rows(group: h5py.Group, above: str = "", depth: int = 0) -> Iterator[tuple[str, h5py.Dataset]]:
-    """Data sets of numbers with at most one dimension longer than 1; links to other files are not followed."""
+    """Datasets of numbers with one dimension longer than 1; links to other files are not followed."""
     for key in group:
         name = f"{above}{key}"
         if not isinstance(group.get(key, getlink=True), h5py.HardLink):
             continue
         item = group[key]
         if isinstance(item, h5py.Group):
-            # MATLAB keeps the insides of cells in groups that begin so.
+            # MATLAB keeps the content of cell arrays in groups with this prefix.
             if depth < _MAX_DEPTH and not str(key).startswith("#"):
                 yield from _rows(item, f"{name}/", depth + 1)
         elif isinstance(item, h5py.Dataset) and _is_row(item):
@@ -104,7 +104,7 @@ def _unit(item: h5py.Dataset) -> str:
 
 
 def _clock(file: h5py.File, item: h5py.Dataset) -> str:
-    """The coordinate along the item's dimension, as NetCDF has it, if that is a time."""
+    """Name of the coordinate along the dimension of an array, as in NetCDF, if it is a time; else ""."""
     try:
         scales = [one for one in item.dims[0].values() if one.name]
     except (RuntimeError, KeyError):

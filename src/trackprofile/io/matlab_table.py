@@ -1,6 +1,6 @@
-"""Rows of numbers in MATLAB's files: version 5 to 7 by SciPy, 7.3 as the HDF5 that it is.
+"""One-dimensional arrays of numbers in MATLAB files: version 5 to 7 by SciPy, version 7.3 as HDF5.
 
-SciPy builds arrays only: what a file holds of functions and objects is not run.
+SciPy reads arrays only: functions and objects in a file are not executed.
 """
 
 from __future__ import annotations
@@ -32,67 +32,67 @@ _READ_ERRORS = (
     MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, NotImplementedError, MemoryError,
     OverflowError, AttributeError, struct.error, zlib.error, OSError,
 )  # fmt: skip
-"""What SciPy raises for files that it cannot read."""
+"""Errors that SciPy raises for files that it cannot read."""
 
 MAX_NAME_LENGTH = 31
-"""Characters of a variable's name in version 5."""
+"""Maximum number of characters in the name of a variable, version 5."""
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
-    """The rows of numbers in a file; structures and cells are passed over."""
+    """Arrays of numbers in a file; structures and cell arrays are ignored."""
     return headings_in_subprocess(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """Some of them, by name.
+    """Read arrays by name.
 
     Raises
     ------
-    FileError : the file is damaged, or claims to hold more than it can.
+    FileError : the file is damaged, or states more content than it can hold.
     """
     return columns_in_subprocess(path, __name__, names)
 
 
 def headings_in_process(path: Path) -> tuple[ColumnInfo, ...]:
-    """The same in this process."""
+    """See `headings`; in this process."""
     if _is_hdf5(path):
         return hdf5_table.headings_in_process(path)
     try:
-        found = whosmat(path)
+        variables = whosmat(path)
     except _READ_ERRORS as error:
         raise _unreadable_table(path) from error
     return tuple(
         ColumnInfo(name, rows=int(np.prod(shape, dtype=float)))
-        for name, shape, kind in found
+        for name, shape, kind in variables
         if kind in _NUMERIC and sum(length != 1 for length in shape) == 1
     )
 
 
 def read_in_process(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """The same in this process."""
+    """See `read`; in this process."""
     if _is_hdf5(path):
         return hdf5_table.read_in_process(path, names)
     rows = {one.name: one.rows for one in headings_in_process(path) if one.name in names}
     check_size(path, 8.0 * sum(rows.values()))
     try:
-        found = loadmat(path, variable_names=list(rows), squeeze_me=False)
+        arrays = loadmat(path, variable_names=list(rows), squeeze_me=False)
     except _READ_ERRORS as error:
         raise _unreadable_table(path) from error
-    return {name: to_numbers(path, name, np.ravel(found[name])) for name in rows if name in found}
+    return {name: to_numbers(path, name, np.ravel(arrays[name])) for name in rows if name in arrays}
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
-    """Write each column as a variable, in version 5, which has no place for units.
+    """Write each column as a variable in version 5, which cannot hold units.
 
     Raises
     ------
-    DataError : a name is none that MATLAB can have.
+    DataError : a name is not a valid name in MATLAB.
     """
     for name in columns:
         if not (name.isidentifier() and name.isascii() and len(name) <= MAX_NAME_LENGTH):
             raise DataError(
-                f"{path}: column {name!r}: MATLAB's names are up to {MAX_NAME_LENGTH} letters, digits and "
-                "underlines; rename it, or write another format."
+                f"{path}: column {name!r}: a name in MATLAB has up to {MAX_NAME_LENGTH} letters, digits and "
+                "underscores; rename it, or write another format."
             )
     savemat(path, {name: values[:, None] for name, values in columns.items()}, do_compression=True)
 
@@ -101,7 +101,7 @@ def _is_hdf5(path: Path) -> bool:
     with path.open("rb") as file:
         if file.read(8) == _HDF5_SIGNATURE:
             return True
-        file.seek(512)  # MATLAB writes a text before
+        file.seek(512)  # MATLAB writes a text of 512 bytes first
         return file.read(8) == _HDF5_SIGNATURE
 
 

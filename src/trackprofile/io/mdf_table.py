@@ -1,6 +1,6 @@
-"""Channels of loggers' files in ASAM MDF 3 and 4, by the library asammdf, which the extra ``mdf`` installs.
+"""Channels of logger files in ASAM MDF 3 and 4, by the library asammdf, which the extra ``mdf`` installs.
 
-Of a channel's conversion only a line is applied: MDF also knows formulas as texts, which nobody should run.
+Only linear conversions of a channel are applied: MDF also allows formulas as text, which must not be executed.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from trackprofile.io.subprocess_reader import columns_in_subprocess, headings_in
 SUFFIXES = (".mf4", ".mdf", ".dl3")
 
 _LINEAR_CONVERSIONS = {None, 0, 1, 65535}
-"""Conversion types that are none or a line, in both versions; in version 3 a line is 0, in version 4 it is 1."""
+"""Conversion types that are none or linear, in both versions; linear is 0 in version 3 and 1 in version 4."""
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
-    """The channels of a file, each with its group's clock."""
+    """Channels of a file, each with the clock of its group."""
     return headings_in_subprocess(path, __name__)
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """Some of them, by name, in the units that the file states.
+    """Read channels by name, in the units that the file states.
 
     Raises
     ------
     FileError : asammdf is not installed, or the file is damaged.
-    DataError : a channel does not hold numbers, or is defined by more than a line.
+    DataError : a channel does not hold numbers, or has a conversion that is not linear.
     """
     return columns_in_subprocess(path, __name__, names)
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
-    """Write columns of equal length as a group of version 4; ``time`` is its clock, else the rows' numbers are."""
+    """Write columns of equal length as a group of version 4; its clock is ``time``, or else the row number."""
     asammdf = _library(path)
     count = len(next(iter(columns.values())))
     clock = np.asarray(columns.get("time", np.arange(count)), np.float64)
@@ -61,13 +61,13 @@ def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -
 
 
 def headings_in_process(path: Path) -> tuple[ColumnInfo, ...]:
-    """The same in this process."""
+    """See `headings`; in this process."""
     with _open_file(path) as file:
         return tuple(heading for heading, _ in _channels(file))
 
 
 def read_in_process(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """The same in this process."""
+    """See `read`; in this process."""
     with _open_file(path) as file:
         chosen = [(one, place) for one, place in _channels(file) if one.name in names]
         check_size(path, 8.0 * sum(one.rows for one, _ in chosen))
@@ -82,7 +82,7 @@ def _open_file(path: Path) -> Iterator[Any]:
             yield file
     except (DataError, FileError):
         raise
-    # Of a damaged file the library raises whatever its parsing meets.
+    # The library raises any exception for a damaged file.
     except Exception as error:
         raise FileError(f"{path}: not a readable MDF file; copy or export it again.") from error
 
@@ -97,7 +97,7 @@ def _library(path: Path) -> Any:
         ) from error
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     for version in (mdf_v3.MDF3, mdf_v4.MDF4):
-        # Its own way to end closes what a damaged file never opened, and complains of that on standard error.
+        # Its own destructor closes what a damaged file never opened, and reports that on standard error.
         version.__del__ = _close_scratch_file
     return asammdf
 
@@ -108,7 +108,7 @@ def _close_scratch_file(self: Any) -> None:
 
 
 def _channels(file: Any) -> list[tuple[ColumnInfo, tuple[int, int]]]:
-    """All channels, with their group and number."""
+    """All channels, with the number of their group and their number in it."""
     found, groups, places = [], [], []
     for g, group in enumerate(file.groups):
         master = file.masters_db.get(g)
@@ -131,7 +131,7 @@ def _values(path: Path, file: Any, name: str, group: int, number: int) -> Column
     kind = None if conversion is None else conversion.conversion_type
     if kind not in _LINEAR_CONVERSIONS:
         raise DataError(
-            f"{path}: channel {name!r} is converted by more than a line; export it in physical units."
+            f"{path}: channel {name!r}: expected a linear conversion; export the channel in physical units."
         )
     raw = to_numbers(path, name, file.get(group=group, index=number, raw=True).samples)
     if conversion is None or kind == 65535 or not hasattr(conversion, "a"):

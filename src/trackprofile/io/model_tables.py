@@ -1,4 +1,4 @@
-"""The tables of a vehicle's, track's, spectrum's or sensors' TOML, and what may stand in them."""
+"""Keys and value types of the TOML documents of vehicles, tracks, spectra and sensors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _number_or_parameter(value: object) -> float | str:
         return value
     if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         return float(value)
-    raise PydanticCustomError("number", "expected a number, or the name of a parameter")
+    raise PydanticCustomError("number", "expected a number or the name of a parameter")
 
 
 Number = Annotated[float | str, PlainValidator(_number_or_parameter)]
@@ -40,8 +40,8 @@ class SourcedTable(Strict):
     verified: bool = True
 
     @property
-    def said(self) -> str:
-        """The source, with what is to be said of it."""
+    def described_source(self) -> str:
+        """Source, marked where it is not verified."""
         return self.source if self.verified else f"{self.source} (not verified)".strip()
 
 
@@ -99,7 +99,7 @@ class SensorTable(Strict):
 
     @property
     def factor(self) -> float:
-        """SI value of one of its unit."""
+        """SI value of one unit of the sensor."""
         with error_location(f"sensor {self.name!r}"):
             return unit_factor(self.unit, QUANTITIES[self.quantity][1])
 
@@ -118,7 +118,7 @@ class InstrumentTable(SensorTable):
     misalignment_deg: float = 0.0
     gain: float = 1.0
 
-    def complete(self, source: str) -> instrument.Instrument:
+    def to_instrument(self, source: str) -> instrument.Instrument:
         return instrument.Instrument(
             self.si(),
             resolution=self.resolution * self.factor,
@@ -140,10 +140,10 @@ class InstalledSensorTable(SensorTable):
     tilt_rad: float = 0.0
     residual: ResidualTable | None = None
 
-    def installed(self) -> sensor.Sensor:
-        """As a calibration found it on the vehicle."""
-        left = None if self.residual is None else sensor.Residual(**self.residual.model_dump())
-        return replace(self.si(), gain=self.gain, tilt=self.tilt_rad, residual=left)
+    def to_sensor(self) -> sensor.Sensor:
+        """Sensor with the gain, tilt and residual of a calibration."""
+        residual = None if self.residual is None else sensor.Residual(**self.residual.model_dump())
+        return replace(self.si(), gain=self.gain, tilt=self.tilt_rad, residual=residual)
 
 
 class UncertaintyTable(Strict):
@@ -154,7 +154,7 @@ class UncertaintyTable(Strict):
     def square(self) -> UncertaintyTable:
         size = len(self.names)
         if len(self.covariance) != size or any(len(row) != size for row in self.covariance):
-            raise PydanticCustomError("square", "expected a row and a column for each of the names")
+            raise PydanticCustomError("square", "expected one row and one column per name")
         return self
 
     def si(self) -> sensor.Uncertainty:
@@ -171,7 +171,7 @@ class InstallationTable(Strict):
     def si(self) -> sensor.Installation:
         return sensor.Installation(
             self.origin,
-            tuple(one.installed() for one in self.sensor),
+            tuple(one.to_sensor() for one in self.sensor),
             self.unmodelled,
             self.distance_scale,
             None if self.uncertainty is None else self.uncertainty.si(),
@@ -196,15 +196,15 @@ class TrackTable(SourcedTable):
     mass: QuantityTable | None = None
 
     def si(self) -> track.ElasticTrack:
-        """As the simulation and the smoother take it."""
+        """Track in SI units."""
         mass = 0.0 if self.mass is None else self.mass.si("mass")
         return track.ElasticTrack(
-            self.stiffness.si("stiffness"), self.damping.si("damping"), self.said, mass
+            self.stiffness.si("stiffness"), self.damping.si("damping"), self.described_source, mass
         )
 
 
 class TrackKind(BaseModel):
-    """Tells whether a track is layered; whatever else stands there is not looked at."""
+    """Key that distinguishes a layered track; other keys are ignored."""
 
     rail: object | None = None
 
@@ -225,7 +225,7 @@ class SupportTable(Strict):
     subballast_damping: QuantityTable
 
     def si(self) -> track.Support:
-        """As the simulation takes it."""
+        """The same in SI units."""
         return track.Support(
             **{name: getattr(self, name).si(name.split("_")[1]) for name in track.SUPPORT_FIELDS}
         )
@@ -238,7 +238,7 @@ class TrackChangeTable(Strict):
     end: QuantityTable
 
     def si(self) -> track.SupportChange:
-        """As the simulation takes it."""
+        """The same in SI units."""
         return track.SupportChange(
             self.field, self.factor, self.start.si("length"), self.end.si("length")
         )
@@ -252,7 +252,7 @@ class LayeredTrackTable(SourcedTable):
     change: list[TrackChangeTable] = Field(default_factory=list)
 
     def si(self) -> track.LayeredTrack:
-        """As the simulation takes it."""
+        """The same in SI units."""
         return track.LayeredTrack(
             self.name,
             self.rail.bending_stiffness.si("bending stiffness"),
@@ -260,7 +260,7 @@ class LayeredTrackTable(SourcedTable):
             self.spacing.si("length"),
             self.support.si(),
             tuple(one.si() for one in self.change),
-            self.said,
+            self.described_source,
         )
 
 
@@ -279,7 +279,7 @@ class SpatialFrequencyTable(Strict):
 
     @property
     def si(self) -> float:
-        """rad/m"""
+        """Spatial angular frequency [rad/m]."""
         return self.value * (1.0 if self.unit == "rad/m" else 2 * math.pi)
 
 
@@ -289,7 +289,7 @@ class DensityTable(Strict):
 
     @property
     def si(self) -> float:
-        """m²/(rad/m); per rad/m there is 1/2π of what there is per 1/m"""
+        """Density [m²/(rad/m)]; a density per rad/m is 1/2π of that per 1/m."""
         square, per = self.unit.split("/", maxsplit=1)
         factor = {"m²": 1.0, "cm²": 1e-4, "mm²": 1e-6}[square]
         return self.value * factor / (1.0 if per == "(rad/m)" else 2 * math.pi)
@@ -321,7 +321,7 @@ class PowerLawTable(SourcedTable):
 
 
 class SpectrumKind(BaseModel):
-    """Tells whether a spectrum is one of pieces; whatever else stands there is not looked at."""
+    """Key that distinguishes a spectrum of power-law segments; other keys are ignored."""
 
     segment: list[object] | None = None
 

@@ -1,6 +1,6 @@
-"""Vehicles, tracks, spectra and sensors as a person writes them in TOML; presets by name.
+"""Vehicles, tracks, spectra and sensors in TOML; presets by name.
 
-A vehicle is a list of parts; a number is in SI, or the name of a parameter that has its unit:
+A vehicle is a list of parts. A value is a number in SI units, or the name of a parameter that has a unit:
 
     name = "half a car"
 
@@ -12,9 +12,9 @@ A vehicle is a list of parts; a number is in SI, or the name of a parameter that
     [[body]]
     name = "body"
     mass = "body mass"
-    pitch_inertia = 4e5                     # optional: without it the body only heaves
-    position = 1.25                         # m behind the leading wheel, as everywhere
-    roll_inertia = 3e4                      # optional: for a profile per rail
+    pitch_inertia = 4e5                     # optional: without it the body has no pitch
+    position = 1.25                         # m behind the leading wheel
+    roll_inertia = 3e4                      # optional: needed for a profile per rail
 
     [[wheel]]
     name = "wheel 1"
@@ -28,9 +28,9 @@ A vehicle is a list of parts; a number is in SI, or the name of a parameter that
     position = 0
     stiffness = 1e6
     damping = 2e4
-    semi_spacing = 1                        # optional: m from the middle to the springs of either side
+    semi_spacing = 1                        # optional: m from the centre line to the springs of one side
 
-What a calibration found beside it stands in the tables ``installation`` and ``calibration``.
+Further results of a calibration are in the tables ``installation`` and ``calibration``.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ _Part = tables.BodyTable | tables.LinkTable | tables.WheelTable
 Kind = Literal["vehicle", "track", "spectrum", "sensors"]
 
 RIGID = "rigid"
-"""The name of the track that has no numbers."""
+"""Name of the rigid track, which has no parameters."""
 
 _PRESETS = Path(__file__).parents[1] / "presets"
 
@@ -86,11 +86,11 @@ _DIMENSIONS = {
     "semi_spacing": "length",
     "roll_stiffness": "rotational stiffness",
 }
-"""Which fields of a part a parameter may stand for."""
+"""Fields of a part that may name a parameter, with their dimension."""
 
 
 def presets(kind: Kind) -> tuple[str, ...]:
-    """The names that a reader of that kind takes instead of a path.
+    """Names of the presets of a kind, which are accepted instead of a path.
 
     Examples
     --------
@@ -102,13 +102,13 @@ def presets(kind: Kind) -> tuple[str, ...]:
 
 
 def read_vehicle(name_or_path: str | Path) -> tuple[Vehicle, Installation]:
-    """A vehicle, and how the sensors sit on it as far as a calibration found that.
+    """Read a vehicle, and the installation of its sensors as calibrated.
 
     Raises
     ------
-    FileError : there is no such preset or file, or it has a wrong key.
-    UnitError : a unit does not fit.
-    ModelError : the vehicle contradicts itself.
+    FileError : neither a preset nor a file has that name, or the document has a wrong key.
+    UnitError : a unit is unknown or of another dimension.
+    ModelError : parameters contradict each other.
 
     Examples
     --------
@@ -117,9 +117,9 @@ def read_vehicle(name_or_path: str | Path) -> tuple[Vehicle, Installation]:
     512.5
     """
     path = _find(name_or_path, "vehicle")
-    read = load(path, tables.VehicleTable)
+    document = load(path, tables.VehicleTable)
     with _error_location(path):
-        return _vehicle(read), read.installation.si()
+        return _vehicle(document), document.installation.si()
 
 
 def write_vehicle(
@@ -128,13 +128,13 @@ def write_vehicle(
     path: str | Path,
     calibration: Mapping[str, object] | None = None,
 ) -> None:
-    """Write what `read_vehicle` reads back exactly, in SI.
+    """Write a vehicle in SI units; `read_vehicle` reads it back exactly.
 
     Parameters
     ----------
-    path : ends in .toml
-    calibration : where the numbers come from, kept as it is (nothing in it is read); those of
-        its ``parameters`` get "calibrated" for a source, and their ``standard_error`` [SI]
+    path : file that ends in .toml
+    calibration : origin of the parameters, written unchanged and not read back; the source of its ``parameters``
+        becomes "calibrated", with their ``standard_error`` [SI]
 
     Raises
     ------
@@ -147,32 +147,34 @@ def write_vehicle(
 
 
 def check_vehicle_path(path: str | Path) -> None:
-    """See that a vehicle can be written there: worth asking before a calibration.
+    """Check that a vehicle can be written to a path, before a calibration.
 
     Raises
     ------
-    FileError : it cannot, or it would replace what is not a vehicle.
+    FileError : it cannot be written, or would replace a file that is not a vehicle.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
-        raise FileError(f"{path}: a vehicle is written to a file that ends in .toml.")
+        raise FileError(
+            f"{path}: a vehicle is written to a file that ends in .toml; change the suffix."
+        )
     check_writable(path)
     if path.exists():
         try:
             load(path, tables.VehicleTable)
         except FileError as error:
-            message = f"{path}: it is there already and is no vehicle; choose another name."
+            message = f"{path}: the file exists and is not a vehicle; choose another name."
             raise FileError(message) from error
 
 
 def read_track(name_or_path: str | Path) -> Track:
-    """A track; the name "rigid" stands for a path that gives way to nothing.
+    """Read a track; the name "rigid" is a track without deflection.
 
-    A file with a table ``rail`` is a layered track, any other a spring and a damper under each wheel.
+    A file with the table ``rail`` is a layered track, any other a spring and a damper under each wheel.
 
     Raises
     ------
-    FileError, UnitError, ModelError : as of `read_vehicle`.
+    FileError, UnitError, ModelError : see `read_vehicle`.
 
     Examples
     --------
@@ -183,37 +185,37 @@ def read_track(name_or_path: str | Path) -> Track:
         return RigidTrack()
     path = _find(name_or_path, "track")
     layered = load(path, tables.TrackKind).rail is not None
-    read = load(path, tables.LayeredTrackTable if layered else tables.TrackTable)
+    document = load(path, tables.LayeredTrackTable if layered else tables.TrackTable)
     with _error_location(path):
-        return read.si()
+        return document.si()
 
 
 def read_spectrum(name_or_path: str | Path) -> Spectrum:
-    """A spectrum of track irregularity that can be the prior of an estimate.
+    """Read a spectrum of track irregularity that can be the prior of an estimate.
 
     Raises
     ------
-    FileError, UnitError, ModelError : as of `read_vehicle`.
-    ModelError : it is not of the rational form; `read_roughness` reads those too.
+    FileError, UnitError, ModelError : see `read_vehicle`.
+    ModelError : the spectrum is not rational; see `read_roughness`.
 
     Examples
     --------
     >>> read_spectrum("fra-6").corner_high
     0.825
     """
-    read = read_roughness(name_or_path)
+    roughness = read_roughness(name_or_path)
     with _error_location(_find(name_or_path, "spectrum")):
-        return require_rational(read)
+        return require_rational(roughness)
 
 
 def read_roughness(name_or_path: str | Path) -> Roughness:
-    """A spectrum of track irregularity, of whatever form, to draw profiles from or compare with.
+    """Read a spectrum of track irregularity of any form, for simulation or comparison.
 
     Its TOML has ``amplitude``, ``corner_low`` and ``corner_high``, or a list of ``segment``.
 
     Raises
     ------
-    FileError, UnitError, ModelError : as of `read_vehicle`.
+    FileError, UnitError, ModelError : see `read_vehicle`.
 
     Examples
     --------
@@ -223,23 +225,23 @@ def read_roughness(name_or_path: str | Path) -> Roughness:
     path = _find(name_or_path, "spectrum")
     if load(path, tables.SpectrumKind).segment is not None:
         return _power_law(path)
-    read = load(path, tables.SpectrumTable)
+    document = load(path, tables.SpectrumTable)
     with _error_location(path):
         return Spectrum(
-            read.name,
-            amplitude=read.amplitude.si("roughness"),
-            corner_low=read.corner_low.si("spatial frequency"),
-            corner_high=read.corner_high.si("spatial frequency"),
-            source=read.said,
+            document.name,
+            amplitude=document.amplitude.si("roughness"),
+            corner_low=document.corner_low.si("spatial frequency"),
+            corner_high=document.corner_high.si("spatial frequency"),
+            source=document.described_source,
         )
 
 
 def read_sensors(name_or_path: str | Path) -> tuple[Sensor, ...]:
-    """The sensors on a vehicle.
+    """Read the sensors on a vehicle.
 
     Raises
     ------
-    FileError, UnitError, ModelError : as of `read_vehicle`.
+    FileError, UnitError, ModelError : see `read_vehicle`.
 
     Examples
     --------
@@ -247,17 +249,17 @@ def read_sensors(name_or_path: str | Path) -> tuple[Sensor, ...]:
     ['vertical acceleration', 'pitch rate']
     """
     path = _find(name_or_path, "sensors")
-    read = load(path, tables.SensorListTable)
+    document = load(path, tables.SensorListTable)
     with _error_location(path):
-        return tuple(one.si() for one in read.sensor)
+        return tuple(one.si() for one in document.sensor)
 
 
 def read_instruments(name_or_path: str | Path) -> tuple[Instrument, ...]:
-    """The sensors on a vehicle, with what else their data sheets say, for a simulation.
+    """Read the sensors on a vehicle with all data of their data sheets, for a simulation.
 
     Raises
     ------
-    FileError, UnitError, ModelError : as of `read_vehicle`.
+    FileError, UnitError, ModelError : see `read_vehicle`.
 
     Examples
     --------
@@ -265,9 +267,9 @@ def read_instruments(name_or_path: str | Path) -> tuple[Instrument, ...]:
     [157, 35]
     """
     path = _find(name_or_path, "sensors")
-    read = load(path, tables.SensorListTable)
+    document = load(path, tables.SensorListTable)
     with _error_location(path):
-        return tuple(one.complete(read.said) for one in read.sensor)
+        return tuple(one.to_instrument(document.described_source) for one in document.sensor)
 
 
 def _find(name_or_path: str | Path, kind: Kind) -> Path:
@@ -276,7 +278,7 @@ def _find(name_or_path: str | Path, kind: Kind) -> Path:
         return _PRESETS / kind / f"{name_or_path}.toml"
     if not Path(name_or_path).is_file():
         raise FileError(
-            f"{name_or_path}: there is no such file; give the path of a {kind} TOML, "
+            f"{name_or_path}: the file does not exist; give the path of a {kind} TOML, "
             f"or one of the presets {', '.join(named)}."
         )
     return Path(name_or_path)
@@ -284,7 +286,7 @@ def _find(name_or_path: str | Path, kind: Kind) -> Path:
 
 @contextmanager
 def _error_location(path: Path) -> Iterator[None]:
-    """Errors raised inside gain the file's path."""
+    """Add the path of the file to errors that are raised inside."""
     try:
         with error_location(path):
             yield
@@ -293,52 +295,52 @@ def _error_location(path: Path) -> Iterator[None]:
 
 
 def _power_law(path: Path) -> PowerLaw:
-    read = load(path, tables.PowerLawTable)
+    document = load(path, tables.PowerLawTable)
     with _error_location(path):
         return PowerLaw(
-            read.name,
-            segments=tuple(map(_segment, read.segment)),
-            shortest=read.shortest.si("length"),
-            longest=read.longest.si("length"),
-            source=read.said,
+            document.name,
+            segments=tuple(map(_segment, document.segment)),
+            shortest=document.shortest.si("length"),
+            longest=document.longest.si("length"),
+            source=document.described_source,
         )
 
 
-def _segment(read: tables.SpectrumSegmentTable) -> SpectrumSegment:
+def _segment(document: tables.SpectrumSegmentTable) -> SpectrumSegment:
     optional: dict[str, float] = {}
-    if read.end is not None:
-        optional["end"] = read.end.si
-    if read.corner is not None:
-        optional["corner_frequency"] = read.corner.frequency.si
-        optional["added_slope"] = read.corner.added_slope
-        optional["sharpness"] = read.corner.sharpness
-    return SpectrumSegment(read.density.si, read.reference.si, read.slope, **optional)
+    if document.end is not None:
+        optional["end"] = document.end.si
+    if document.corner is not None:
+        optional["corner_frequency"] = document.corner.frequency.si
+        optional["added_slope"] = document.corner.added_slope
+        optional["sharpness"] = document.corner.sharpness
+    return SpectrumSegment(document.density.si, document.reference.si, document.slope, **optional)
 
 
-def _vehicle(read: tables.VehicleTable) -> Vehicle:
-    parts = (*read.body, *read.link, *read.wheel)
+def _vehicle(document: tables.VehicleTable) -> Vehicle:
+    parts = (*document.body, *document.link, *document.wheel)
     return Vehicle(
-        read.name,
-        bodies=tuple(Body(**_fields(part, read.parameter)) for part in read.body),
-        links=tuple(Link(**_fields(part, read.parameter)) for part in read.link),
-        wheels=tuple(Wheel(**_fields(part, read.parameter)) for part in read.wheel),
-        source=read.said,
+        document.name,
+        bodies=tuple(Body(**_fields(part, document.parameter)) for part in document.body),
+        links=tuple(Link(**_fields(part, document.parameter)) for part in document.link),
+        wheels=tuple(Wheel(**_fields(part, document.parameter)) for part in document.wheel),
+        source=document.described_source,
         parameters=tuple(
-            _shared(name, parameter, parts) for name, parameter in read.parameter.items()
+            _shared(name, parameter, parts) for name, parameter in document.parameter.items()
         ),
-        contact_spacing=read.contact_spacing,
+        contact_spacing=document.contact_spacing,
     )
 
 
 def _fields(part: _Part, parameters: Mapping[str, tables.ParameterTable]) -> dict[str, Any]:
-    """The fields of a part, in SI, the parameters put in."""
+    """Fields of a part in SI units, with the values of its parameters."""
     fields = part.model_dump()
     for field, name in _named(part):
         if name not in parameters:
             known = ", ".join(parameters) or "none"
             raise ModelError(
-                f"{field} of {fields['name']!r} names the parameter {name!r}, which is not there; "
-                f"there is {known}"
+                f"{field} of {fields['name']!r} names the parameter {name!r}, which is not defined; "
+                f"the parameters are: {known}"
             )
         with error_location(f"parameter {name!r}, {field} of {fields['name']!r}"):
             fields[field] = parameters[name].si(_DIMENSIONS[field])
@@ -346,7 +348,7 @@ def _fields(part: _Part, parameters: Mapping[str, tables.ParameterTable]) -> dic
 
 
 def _named(part: _Part) -> list[tuple[str, str]]:
-    """Which fields of a part name a parameter, and which."""
+    """Fields of a part that name a parameter, each with that name."""
     fields = ((field, getattr(part, field, None)) for field in _DIMENSIONS)
     return [(field, name) for field, name in fields if isinstance(name, str)]
 
@@ -356,23 +358,25 @@ def _shared(
 ) -> VehicleParameter:
     used_by = [(part.name, field) for part in parts for field, used in _named(part) if used == name]
     if not used_by:
-        raise ModelError(f"nothing uses the parameter {name!r}; name it in a part, or remove it")
+        raise ModelError(f"parameter {name!r} is not used; name it in a part, or remove it")
     unit = si_unit(_DIMENSIONS[used_by[0][1]])
-    return VehicleParameter(name, unit, tuple(used_by), parameter.said, parameter.log_std)
+    return VehicleParameter(
+        name, unit, tuple(used_by), parameter.described_source, parameter.log_std
+    )
 
 
 def _vehicle_table(
     vehicle: Vehicle, installation: Installation, calibration: Mapping[str, Any]
 ) -> dict[str, object]:
-    fitted = calibration.get("parameters", {})
+    calibrated = calibration.get("parameters", {})
     values = parameter_values(vehicle)
     parameters = {
         one.name: {
             "value": values[one.name],
             "unit": si_unit(_DIMENSIONS[one.used_by[0][1]]),
-            "source": "calibrated" if one.name in fitted else one.source or None,
+            "source": "calibrated" if one.name in calibrated else one.source or None,
             "log_std": one.log_std,
-            "standard_error": fitted.get(one.name, {}).get("standard_error"),
+            "standard_error": calibrated.get(one.name, {}).get("standard_error"),
         }
         for one in vehicle.parameters
     }

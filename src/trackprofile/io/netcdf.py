@@ -1,4 +1,4 @@
-"""Both contracts, whole, in NetCDF 4."""
+"""Recordings and profiles in NetCDF 4, complete."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sniff(path: Path) -> bool:
 
 
 def read(path: Path) -> xr.Dataset:
-    """The dataset in the file, in memory, validated."""
+    """Dataset in the file, in memory, validated."""
     columns_in_subprocess(path, __name__, ())
     dataset = _loaded(path)
     with error_location(path):
@@ -38,13 +38,13 @@ def read(path: Path) -> xr.Dataset:
 
 
 def read_in_process(path: Path, _names: Sequence[str]) -> dict[str, Column]:
-    """Read all of it, to see whether that ends."""
+    """Read the whole file, to check that reading ends."""
     _loaded(path)
     return {}
 
 
 def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
-    """Write the dataset as it is."""
+    """Write the dataset with all attributes."""
     dataset = with_content(dataset)
     with whole_files(path) as (file,):
         dataset.to_netcdf(file, engine="h5netcdf")
@@ -53,7 +53,7 @@ def write(dataset: xr.Dataset, path: Path) -> tuple[Path, ...]:
 
 def _loaded(path: Path) -> xr.Dataset:
     try:
-        # First without h5netcdf, which on a damaged file also writes to standard error.
+        # First without h5netcdf, which also writes to standard error if the file is damaged.
         with h5py.File(path) as file:
             dict(file.attrs)
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as file:

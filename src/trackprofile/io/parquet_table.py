@@ -15,29 +15,28 @@ SUFFIXES = (".parquet",)
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
-    """The columns of a table; a unit stands in the field's metadata, if anywhere."""
+    """Information about the columns of a table; units are in the metadata of the fields."""
     try:
         with parquet.ParquetFile(path) as file:
             rows, schema = file.metadata.num_rows, file.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
         raise _unreadable_table(path) from error
     check_size(path, 8.0 * rows * len(schema))
-    stated = [
+    units = [
         (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for field in schema
     ]
     return tuple(
-        ColumnInfo(name, unit, max(rows, 0))
-        for name, unit in zip(schema.names, stated, strict=True)
+        ColumnInfo(name, unit, max(rows, 0)) for name, unit in zip(schema.names, units, strict=True)
     )
 
 
 def read(path: Path, schema: pa.Schema) -> pa.Table:
-    """The columns of the schema, by name and type.
+    """Read the columns of a schema, by name and type.
 
     Raises
     ------
-    FileError : it is not Parquet, or damaged.
-    DataError : a column does not hold what the schema says.
+    FileError : the file is not Parquet, or is damaged.
+    DataError : a column is not of the type in the schema.
     """
     try:
         table = parquet.read_table(path, columns=schema.names)
@@ -47,11 +46,13 @@ def read(path: Path, schema: pa.Schema) -> pa.Table:
         return table.select(schema.names).cast(schema)
     except pa.ArrowException as error:
         reason = " ".join(str(error).split())
-        raise DataError(f"{path}: a column does not hold numbers ({reason}).") from error
+        raise DataError(
+            f"{path}: a column does not hold numbers ({reason}); choose another column."
+        ) from error
 
 
 def write(path: Path, columns: Mapping[str, Column], units: Mapping[str, str]) -> None:
-    """Write columns of equal length, with their units in the fields' metadata."""
+    """Write columns of equal length, with their units in the metadata of the fields."""
     arrays = {name: pa.array(one, from_pandas=True) for name, one in columns.items()}
     fields = [
         pa.field(name, one.type, metadata={"unit": units[name]} if name in units else None)

@@ -1,4 +1,4 @@
-"""Result tables as files: CSV and Parquet, one per table, and GeoJSON of places on a map."""
+"""Result tables as files: CSV or Parquet, one file per table, and GeoJSON for locations on a map."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ GEOJSON_SUFFIX = ".geojson"
 
 
 def table_files(path: str | Path, names: Sequence[str]) -> tuple[Path, ...]:
-    """The files that `write_tables` would write: the path's name, a dash, and the table's.
+    """Files that `write_tables` writes: the name of the path, a hyphen, and the name of the table.
 
     Raises
     ------
-    FileError : the suffix is none of tables, or a file could not be written there.
+    FileError : the suffix is not that of a table, or a file cannot be written there.
 
     Examples
     --------
@@ -32,7 +32,9 @@ def table_files(path: str | Path, names: Sequence[str]) -> tuple[Path, ...]:
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
-        raise FileError(f"{path}: tables go to a file that ends in {', '.join(SUFFIXES)}.")
+        raise FileError(
+            f"{path}: tables are written to files that end in {', '.join(SUFFIXES)}; change the suffix."
+        )
     files = tuple(path.with_name(f"{path.stem}-{name}{path.suffix}") for name in names)
     check_writable(*files)
     return files
@@ -41,33 +43,37 @@ def table_files(path: str | Path, names: Sequence[str]) -> tuple[Path, ...]:
 def write_tables(
     tables: Mapping[str, Mapping[str, Sequence[Any]]], path: str | Path
 ) -> tuple[Path, ...]:
-    """Write each table into a file of its own; all of them, or none.
+    """Write each table to a separate file; all of them, or none.
 
     Raises
     ------
-    FileError : as of `table_files`.
+    FileError : see `table_files`.
     """
     files = table_files(path, list(tables))
     with whole_files(*files) as parts:
         for part, columns in zip(parts, tables.values(), strict=True):
-            made = pa.table({name: pa.array(list(column)) for name, column in columns.items()})
+            arrow_table = pa.table(
+                {name: pa.array(list(column)) for name, column in columns.items()}
+            )
             if part.suffix.lower() == ".parquet":
-                parquet.write_table(made, part)
+                parquet.write_table(arrow_table, part)
             else:
-                arrow_csv.write_csv(made, part)
+                arrow_csv.write_csv(arrow_table, part)
     return files
 
 
 def write_geojson(collection: Mapping[str, Any], path: str | Path) -> Path:
-    """Write a collection of features (RFC 7946), whole or not at all.
+    """Write a collection of GeoJSON features (RFC 7946), completely or not at all.
 
     Raises
     ------
-    FileError : the suffix is another, or it cannot be written there.
+    FileError : the suffix is not .geojson, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix.lower() != GEOJSON_SUFFIX:
-        raise FileError(f"{path}: a map goes to a file that ends in {GEOJSON_SUFFIX}.")
+        raise FileError(
+            f"{path}: a map is written to a file that ends in {GEOJSON_SUFFIX}; change the suffix."
+        )
     with whole_files(path) as (part,):
         part.write_text(
             json.dumps(collection, ensure_ascii=False, allow_nan=False), encoding="utf-8"

@@ -1,4 +1,4 @@
-"""The tables of a scenario's TOML, and what may stand in them; `trackprofile.scenario` shows one."""
+"""Keys and value types of the TOML document of a scenario; `trackprofile.scenario` shows an example."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from trackprofile.units import quantity
 
 
 def preset_or_path(name: str, beside: Path) -> str | Path:
-    """A preset's name as it is, or the file of that name beside the scenario."""
+    """File of that name in the folder of the scenario if it exists; else the name, which is then that of a preset."""
     return beside / name if (beside / name).is_file() else name
 
 
 def si_value(dimension: str, value: object) -> float:
-    """What a key of that dimension says, a number and its unit as text, in SI."""
-    problem = f"expected text: a number and its unit of {dimension}"
+    """Value of a key, text with a number and its unit, in SI units."""
+    problem = f"expected text with a number and a unit of {dimension}"
     try:
         if isinstance(value, str):
             return quantity(value, dimension)
@@ -38,7 +38,7 @@ def si_value(dimension: str, value: object) -> float:
 
 
 def _speed_schedule(value: object) -> object:
-    """One speed as a table of speeds."""
+    """Speed schedule; a single speed becomes a schedule of one row."""
     return value if isinstance(value, list) else [{"time": "0 s", "speed": value}]
 
 
@@ -73,7 +73,7 @@ class BellTable(Strict):
     centre: Length
 
     def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
-        """As the simulation takes it."""
+        """The same in SI units."""
         return Bell(self.depth, self.width, self.centre)
 
 
@@ -86,7 +86,7 @@ class DipTable(Strict):
     spacing: Length = 25.0
 
     def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
-        """As the simulation takes it."""
+        """The same in SI units."""
         return Dip(self.depth, self.half_length, self.position, self.count, self.spacing)
 
 
@@ -98,7 +98,7 @@ class RandomTable(Strict):
     longest: Length = 100.0
 
     def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
-        """As the simulation takes it."""
+        """The same in SI units."""
         spectrum = read_roughness(preset_or_path(self.spectrum, beside))
         return random_irregularity(
             spectrum, self.seed, self.shortest, self.longest, length=span[1] - span[0]
@@ -110,10 +110,12 @@ class FileTable(Strict):
     path: str
 
     def made(self, beside: Path, span: tuple[float, float]) -> Irregularity:
-        """As the simulation takes it; refused where it does not cover the span."""
+        """Irregularity of the profile in the file; refused if the profile does not cover the span."""
         profile = read(beside / self.path)
         if isinstance(profile, UnlocatedRecording) or profile.attrs["kind_of_data"] != "profile":
-            raise FileError(f"{self.path}: it is no profile; give one with distance and elevation.")
+            raise FileError(
+                f"{self.path}: expected a profile, got a recording; give a file with distance and elevation."
+            )
         made = Sampled(profile["distance"].to_numpy(), profile["elevation"].to_numpy())
         made.at(np.array(span))
         return made
@@ -126,7 +128,7 @@ class ChangeTable(Strict):
     end: Length
 
     def made(self) -> SupportChange:
-        """As the simulation takes it."""
+        """The same in SI units."""
         return SupportChange(self.field, self.factor, self.start, self.end)
 
 
@@ -136,12 +138,12 @@ IRREGULARITY_TABLES: dict[str, type[Strict]] = {
 
 
 def _refuse_unknown_keys(table: Any) -> Any:
-    """Refuse a key that its kind has not: for a union of tables, the reader cannot say which there are."""
+    """Refuse an unknown key of an irregularity, naming the keys of its kind."""
     kind = IRREGULARITY_TABLES.get(str(table.get("kind"))) if isinstance(table, dict) else None
     unknown = [key for key in table if key not in kind.model_fields] if kind else []
     if kind and unknown:
         raise PydanticCustomError(
-            "key", "unknown key {key}; the keys there are {known}",
+            "key", "unknown key {key}; the keys of this table are {known}",
             {"key": repr(unknown[0]), "known": ", ".join(kind.model_fields)},
         )  # fmt: skip
     return table

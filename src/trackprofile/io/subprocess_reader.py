@@ -1,8 +1,8 @@
-"""Files are read by a process apart, which a damaged file may crash, hang or fill as it likes.
+"""Reading of files in a subprocess, which a damaged file may crash, hang or fill.
 
-The libraries behind HDF5, MATLAB's files and MDF run on damaged files into endless loops, out of their memory and over
-the memory of others. What the process apart has read to the end within its limits comes back as plain numbers, as
-`trackprofile.io.column_info.Column`. It is started once, and ends with this one.
+With damaged files, the libraries for HDF5, MATLAB files and MDF run into endless loops, exhaust the memory or overwrite
+it. The subprocess has limits of time and memory; the columns that it reads come back as plain numbers, as
+`trackprofile.io.column_info.Column`. It is started once, and ends with this process.
 """
 
 from __future__ import annotations
@@ -27,41 +27,41 @@ from trackprofile.errors import DataError, FileError, TrackprofileError
 from trackprofile.io.column_info import Column, ColumnInfo
 
 TIME_LIMIT = 15.0
-"""s that a small file may take."""
+"""Time limit for a small file [s]."""
 
 MIN_READ_RATE = 5e6
-"""Bytes per s of a large one."""
+"""Lowest accepted read rate of a large file [B/s]."""
 
 EXTRA_MEMORY = 1 << 30
-"""Bytes beyond what the libraries take, and twice the file's size."""
+"""Memory limit, in addition to that of the libraries and to twice the size of the file [B]."""
 
 LARGE_FILE = 1 << 26
-"""Bytes of a file after which the process is ended, so that its memory is free."""
+"""Size of a file after which the subprocess is stopped, to free its memory [B]."""
 
 _CHUNK = 1 << 20
-"""Bytes that are taken from a pipe in one go."""
+"""Size of one read from the pipe [B]."""
 
 _lock = Lock()
 _workers: list[subprocess.Popen[bytes]] = []
 
 
 class _WorkerDiedError(Exception):
-    """The process apart died."""
+    """The subprocess ended unexpectedly."""
 
 
 def headings_in_subprocess(path: Path, module: str) -> tuple[ColumnInfo, ...]:
-    """What ``module``'s function ``headings_here`` says of a file.
+    """Call the function ``headings_in_process`` of a module in the subprocess.
 
     Raises
     ------
-    FileError, DataError : what it refuses; it died of the file, or took too long or too much memory.
+    FileError, DataError : those of the function; or the subprocess crashed, took too long or too much memory.
     """
     answer, _ = _request(path, module, None)
     return tuple(ColumnInfo(**one) for one in answer["headings"])
 
 
 def columns_in_subprocess(path: Path, module: str, names: Sequence[str]) -> dict[str, Column]:
-    """Columns that ``module``'s function ``read_here`` reads from a file.
+    """Call the function ``read_in_process`` of a module in the subprocess.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def _request(
     path: Path, module: str, names: Sequence[str] | None
 ) -> tuple[dict[str, Any], dict[str, Column]]:
     with _lock:
-        # One that has read a damaged file before may die of that.
+        # A worker that has read a damaged file before may crash later.
         for _ in range(2 if _workers else 1):
             worker = _running_worker()
             limit = time.monotonic() + TIME_LIMIT + path.stat().st_size / MIN_READ_RATE
@@ -86,13 +86,13 @@ def _request(
             except TimeoutError:
                 _stop(worker)
                 break
-            if words := answer.get("refused"):
-                raise DataError(words) if answer["of_data"] else FileError(words)
+            if message := answer.get("refused"):
+                raise DataError(message) if answer["of_data"] else FileError(message)
             if path.stat().st_size > LARGE_FILE:
                 _stop(worker)
             return answer, columns
     raise FileError(
-        f"{path}: damaged so that it cannot be read to its end; copy or export it again."
+        f"{path}: damaged, reading it crashed or exceeded the limits of time and memory; copy or export it again."
     )
 
 
@@ -105,32 +105,32 @@ def _receive(
         worker.stdin.flush()
     except BrokenPipeError as error:
         raise _WorkerDiedError from error
-    taken = bytearray()
-    while (end := taken.find(b"\n")) < 0:
-        taken += _read_chunk(worker, _CHUNK, limit)
-    answer = json.loads(taken[:end])
-    del taken[: end + 1]
+    received = bytearray()
+    while (end := received.find(b"\n")) < 0:
+        received += _read_chunk(worker, _CHUNK, limit)
+    answer = json.loads(received[:end])
+    del received[: end + 1]
     columns = {}
     for name, rows in answer["columns"]:
         columns[name] = np.empty(rows)
         data, filled = columns[name].view(np.uint8), 0
         while filled < len(data):
-            piece = taken[: len(data) - filled] or _read_chunk(
+            piece = received[: len(data) - filled] or _read_chunk(
                 worker, min(_CHUNK, len(data) - filled), limit
             )
             data[filled : filled + len(piece)] = np.frombuffer(piece, np.uint8)
             filled += len(piece)
-            del taken[: len(piece)]
+            del received[: len(piece)]
     return answer, columns
 
 
-def _read_chunk(worker: subprocess.Popen[bytes], most: int, limit: float) -> bytes:
-    """What the process apart has to say, when it says it."""
+def _read_chunk(worker: subprocess.Popen[bytes], size: int, limit: float) -> bytes:
+    """Next bytes from the subprocess, waiting for them until the time limit."""
     assert worker.stdout is not None
     ready, _, _ = select.select([worker.stdout], [], [], max(limit - time.monotonic(), 0.0))
     if not ready:
         raise TimeoutError
-    piece = os.read(worker.stdout.fileno(), most)
+    piece = os.read(worker.stdout.fileno(), size)
     if not piece:
         raise _WorkerDiedError
     return piece
@@ -148,7 +148,7 @@ def _running_worker() -> subprocess.Popen[bytes]:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            # A keyboard's Ctrl-C is for this process alone; the other ends when its input does.
+            # Ctrl-C is for this process only; the worker ends at the end of its input.
             start_new_session=True,
         )
     )
@@ -165,22 +165,22 @@ def _stop(worker: subprocess.Popen[bytes]) -> None:
 
 
 def stop_worker() -> None:
-    """End the process apart, if there is one; the next file starts another."""
+    """Stop the subprocess, if there is one; the next file starts another."""
     for worker in tuple(_workers):
         _stop(worker)
 
 
 def serve() -> None:
-    """Read the files that are asked for on standard input, one a line, and answer each on standard output."""
+    """Read the requested files, one per line of standard input, and answer each on standard output."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is no answer
+    os.dup2(2, 1)  # output of libraries must not mix with the answers
     for line in sys.stdin:
         name, module, names = json.loads(line)
         path = Path(name)
         _limit_memory(path)
         answer, columns = _read(path, importlib.import_module(module), names)
-        told = [(one, len(values)) for one, values in columns.items()]
-        answers.write(json.dumps({**answer, "columns": told}).encode() + b"\n")
+        lengths = [(one, len(values)) for one, values in columns.items()]
+        answers.write(json.dumps({**answer, "columns": lengths}).encode() + b"\n")
         for values in columns.values():
             answers.write(np.asarray(values, np.float64).tobytes())
         answers.flush()
@@ -200,15 +200,15 @@ def _read(
     except TrackprofileError as error:
         return {"refused": str(error), "of_data": isinstance(error, DataError)}, {}
     except OSError as error:
-        words = f"{path}: {error.strerror}; make it readable, or choose another file."
-        return {"refused": words, "of_data": False}, {}
+        message = f"{path}: {error.strerror}; make it readable, or choose another file."
+        return {"refused": message, "of_data": False}, {}
 
 
 def _limit_memory(path: Path) -> None:
     try:
         import resource
-    except ImportError:  # where there is no such limit, the time's has to do
+    except ImportError:  # without this limit, the time limit remains
         return
     pages = int(Path("/proc/self/statm").read_text().split()[0]) if Path("/proc").is_dir() else 0
-    most = pages * resource.getpagesize() + EXTRA_MEMORY + 2 * path.stat().st_size
-    resource.setrlimit(resource.RLIMIT_AS, (most, resource.RLIM_INFINITY))
+    limit = pages * resource.getpagesize() + EXTRA_MEMORY + 2 * path.stat().st_size
+    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))

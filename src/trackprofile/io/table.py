@@ -1,11 +1,11 @@
-"""Tables of numbers, by column, in every format that has one: what profiles and recordings share.
+"""Tables of numbers by column, in all formats; used for profiles and recordings.
 
 ================================================  ============================================================
 suffix                                            format
 ================================================  ============================================================
 ``.csv``, ``.txt``, ``.tsv``, ``.dat``, ``.asc``  CSV in any dialect: :mod:`trackprofile.io.csv_dialect`
 ``.parquet``                                      Parquet
-``.h5``, ``.hdf5``, ``.hdf``, ``.nc``             HDF5 and NetCDF 4: rows of numbers by their path
+``.h5``, ``.hdf5``, ``.hdf``, ``.nc``             HDF5 and NetCDF 4: arrays of numbers by path
 ``.mat``                                          MATLAB, version 5 to 7.3
 ``.mf4``, ``.mdf``                                ASAM MDF, with the extra ``mdf``
 ``.tdms``                                         TDMS, with the extra ``tdms``
@@ -37,30 +37,30 @@ _ARROW = (csv_table, parquet_table)
 _ROWS = (hdf5_table, matlab_table, mdf_table, tdms_table)
 
 SUFFIXES = (*csv_table.SUFFIXES[:1], *parquet_table.SUFFIXES)
-"""Of tables that speak for themselves, by their columns' names."""
+"""Suffixes of tables whose column names are sufficient."""
 
 LOGGER_SUFFIXES = tuple(
     dict.fromkeys(suffix for module in (*_ARROW, *_ROWS) for suffix in module.SUFFIXES)
 )
-"""Of all that a TOML can explain."""
+"""Suffixes of all tables that a TOML can describe."""
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
-    """The columns of a table, and what it says of them.
+    """Information about the columns of a table.
 
     Raises
     ------
-    FileError : it is not a table, or its suffix is none of `LOGGER_SUFFIXES`.
+    FileError : the file is not a table, or its suffix is not one of `LOGGER_SUFFIXES`.
     """
     return _module(path).headings(path)
 
 
 def column_names(path: Path) -> list[str]:
-    """The columns of a table.
+    """Names of the columns of a table.
 
     Raises
     ------
-    FileError : it is not a table.
+    FileError : the file is not a table.
     """
     return [heading.name for heading in headings(path)]
 
@@ -68,18 +68,20 @@ def column_names(path: Path) -> list[str]:
 def read_columns(
     path: Path, numbers: Sequence[str], flags: Sequence[str] = (), texts: Sequence[str] = ()
 ) -> dict[str, Column]:
-    """Some columns of a table, by name: numbers as float (empty is NaN), flags as bool, texts as they stand.
+    """Read columns of a table by name: numbers as float64 (an empty cell is NaN), flags as bool, texts unchanged.
 
     Raises
     ------
-    DataError : a column is missing or there twice, or a row is cut short or holds no number.
+    DataError : a column is missing or occurs twice, or a row is cut short or does not hold a number.
     FileError : the file is not a table.
     """
     names = column_names(path)
     for name in (*numbers, *flags, *texts):
         if names.count(name) != 1:
-            found = "is there twice" if name in names else "is missing"
-            raise DataError(f"{path}: column {name!r} {found}; the columns are {', '.join(names)}.")
+            problem = "occurs twice" if name in names else "is missing"
+            raise DataError(
+                f"{path}: column {name!r} {problem}; the columns are {', '.join(names)}."
+            )
     module = _module(path)
     if module in _ROWS:
         return _read_rows(path, module, numbers, flags, texts)
@@ -95,18 +97,18 @@ def read_columns(
 def write_columns(
     path: Path, columns: Mapping[str, Column], units: Mapping[str, str] | None = None
 ) -> None:
-    """Write columns of equal length, with their units where the format has a place for them.
+    """Write columns of equal length, with their units where the format can hold them.
 
     Raises
     ------
-    DataError : the format cannot have a column of that name.
+    DataError : a column name is not valid in the format.
     """
     _module(path).write(path, columns, units or {})
 
 
 @contextmanager
 def error_location(where: Path | str, columns: Mapping[str, str] | None = None) -> Iterator[None]:
-    """Errors about data, raised inside, gain the place, and the column in place of the variable."""
+    """Add the file to the message of a data error that is raised inside, and replace its variable by the column."""
     try:
         yield
     except RowError as error:
@@ -131,21 +133,23 @@ def _read_rows(
     texts: Sequence[str],
 ) -> dict[str, Column]:
     if texts:
-        raise DataError(f"{path}: column {texts[0]!r} holds numbers, no text; give its unit.")
+        raise DataError(f"{path}: column {texts[0]!r} holds numbers and not text; give its unit.")
     reading: Callable[[Path, Sequence[str]], dict[str, Column]] = module.read
-    found = reading(path, [*numbers, *flags])
+    values = reading(path, [*numbers, *flags])
     for name in flags:
-        wrong = ~np.isin(found[name], (0.0, 1.0))
+        wrong = ~np.isin(values[name], (0.0, 1.0))
         if wrong.any():
             row = int(np.argmax(wrong))
-            problem = f"expected 1 or 0, found {found[name][row]:g}."
+            problem = f"expected 1 or 0, got {values[name][row]:g}; correct the row."
             raise RowError(f"{path}: column {name!r}", row + 1, problem)
-        found[name] = found[name].astype(bool)
-    return found
+        values[name] = values[name].astype(bool)
+    return values
 
 
 def _array(path: Path, name: str, column: pa.ChunkedArray) -> Column:
     if pa.types.is_boolean(column.type) and column.null_count:
         row = int(np.argmax(column.is_null().to_numpy())) + 1
-        raise RowError(f"{path}: column {name!r}", row, "expected 1 or 0, found an empty cell.")
+        raise RowError(
+            f"{path}: column {name!r}", row, "expected 1 or 0, got an empty cell; fill it in."
+        )
     return column.to_numpy()

@@ -1,4 +1,4 @@
-"""Channels of loggers' files in TDMS, by the library npTDMS, which the extra ``tdms`` installs."""
+"""Channels of logger files in TDMS, by the library npTDMS, which the extra ``tdms`` installs."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from trackprofile.io.column_info import (
 SUFFIXES = (".tdms",)
 
 CLOCK_SUFFIX = " (time)"
-"""Ends the name of the column with the times of a channel that has a start and an interval only."""
+"""Suffix of the name of the column with the times of a channel that states only a start and an interval."""
 
 
 def headings(path: Path) -> tuple[ColumnInfo, ...]:
-    """The channels of a file, and a column of times for each that is sampled evenly."""
+    """Channels of a file, and a column of times for each that is sampled at a constant interval."""
     with _open_file(path) as file:
         return tuple(heading for heading, _ in _channels(file))
 
 
 def read(path: Path, names: Sequence[str]) -> dict[str, Column]:
-    """Some of them, by name.
+    """Read channels by name.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def _open_file(path: Path) -> Iterator[Any]:
             yield file
     except (DataError, FileError):
         raise
-    # Of a damaged file the library raises whatever its parsing meets.
+    # The library raises any exception for a damaged file.
     except Exception as error:
         raise FileError(f"{path}: not a readable TDMS file; copy or export it again.") from error
 
@@ -92,7 +92,7 @@ def _library(path: Path) -> Any:
 
 
 def _channels(file: Any) -> list[tuple[ColumnInfo, Any]]:
-    """All channels, each after its clock."""
+    """All channels, each preceded by its clock."""
     found, groups, channels = [], [], []
     for group in file.groups():
         for channel in group.channels():

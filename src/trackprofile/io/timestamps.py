@@ -1,4 +1,4 @@
-"""Times and dates as loggers write them in texts, to seconds."""
+"""Conversion of times and dates that are text to seconds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 pc: Any = (
     pyarrow.compute
-)  # its functions are made when it is imported, which type checkers do not see
+)  # its functions are created on import, where type checkers do not see them
 
 _CLOCK = r"(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2})(?:[.,](?P<f>\d*))?"
 _ZONE = r" ?(?:Z|(?P<zone>[+-]\d{2}):?(?P<quarter>\d{2})?)?"
@@ -35,16 +35,15 @@ TIMESTAMP_FORMS: Mapping[str, str] = {
     "M/D/Y": _date("M", "D", "Y"),
     "h:m:s": rf"^{_CLOCK}$",
 }
-"""What stands for the unit of a time that is a text, and how such a text reads; any of - . / stands between numbers."""
+"""Forms of a timestamp, given instead of a unit, and their patterns; any of - . / separates the numbers of a date."""
 
 DAY = 86400.0  # s
 
 
 def timestamp_form(text: str) -> str:
-    """The form in which a time is written, "text" if in none.
+    """Form of a timestamp; "text" if it has none.
 
-    What could be the second of March or the third of February is taken for the order of its land: with strokes month
-    first, unless that cannot be.
+    A date with slashes is taken as month first, as in the United States, unless its first number exceeds 12.
 
     Examples
     --------
@@ -59,28 +58,28 @@ def timestamp_form(text: str) -> str:
 
 
 def timestamp_seconds(path: Path, column: str, texts: NDArray[np.object_], form: str) -> Array:
-    """Texts (n,) as seconds since 1970, or since the first midnight; NaN where there is none.
+    """Convert timestamps, (n,), to seconds since 1970, or since the first midnight; NaN where one is missing.
 
     Raises
     ------
-    RowError : a text does not have that form.
+    RowError : a text is not of that form.
 
     Examples
     --------
-    >>> here = Path("a.csv")
-    >>> timestamp_seconds(here, "t", np.array(["23:59:59,5", None, "0:00:00"], object), "h:m:s")
+    >>> path = Path("a.csv")
+    >>> timestamp_seconds(path, "t", np.array(["23:59:59,5", None, "0:00:00"], object), "h:m:s")
     array([86399.5,     nan, 86400. ])
-    >>> timestamp_seconds(here, "t", np.array(["02.01.1970 01:00:00.25 +01"], object), "D.M.Y")
+    >>> timestamp_seconds(path, "t", np.array(["02.01.1970 01:00:00.25 +01"], object), "D.M.Y")
     array([86400.25])
     """
     stamps = pc.utf8_trim_whitespace(pa.array(texts, pa.string()))
-    found = pc.extract_regex(stamps, TIMESTAMP_FORMS[form])
-    bad = (stamps.is_valid().to_numpy(False)) & ~found.is_valid().to_numpy(False)
+    fields = pc.extract_regex(stamps, TIMESTAMP_FORMS[form])
+    bad = (stamps.is_valid().to_numpy(False)) & ~fields.is_valid().to_numpy(False)
     if bad.any():
         row = int(np.argmax(bad))
-        problem = f"expected a time as {form}, found {texts[row]!r}; mend it, or leave it empty."
+        problem = f"expected a time as {form}, got {texts[row]!r}; correct it, or leave it empty."
         raise RowError(f"{path}: column {column!r}", row + 1, problem)
-    part = {field.name: found.field(field.name) for field in found.type}
+    part = {field.name: fields.field(field.name) for field in fields.type}
     h, m, s = (_integers(part[name]) for name in ("h", "m", "s"))
     fraction = pc.binary_join_element_wise("0.", part["f"], "0", "").cast(pa.float64())
     result = 3600.0 * h + 60.0 * m + s + fraction.to_numpy(zero_copy_only=False)
@@ -90,19 +89,20 @@ def timestamp_seconds(path: Path, column: str, texts: NDArray[np.object_], form:
         zone = _integers(part["zone"]) * 3600.0
         zone += np.where(zone < 0, -60.0, 60.0) * _integers(part["quarter"])
         result += DAY * (days + _integers(part["D"]) - 1) - zone
-    result[~found.is_valid().to_numpy(False)] = np.nan
+    result[~fields.is_valid().to_numpy(False)] = np.nan
     return result if form != "h:m:s" else _unwrap_midnight(result)
 
 
 def _integers(texts: pa.Array) -> NDArray[np.int64]:
-    """Whole numbers, 0 where there is none."""
+    """Integers; 0 where there is none."""
     signed = pc.replace_substring(texts, "+", "")
     filled = pc.if_else(pc.equal(pc.utf8_length(signed), 0), "0", signed)
     return np.asarray(pc.fill_null(filled, "0").cast(pa.int64()))
 
 
 def _unwrap_midnight(times: Array) -> Array:
+    """Times of day as increasing times: a day is added at each midnight."""
     known = np.isfinite(times)
-    back = np.diff(times[known], prepend=times[known][:1]) < -DAY / 2
-    times[known] += DAY * np.cumsum(back)
+    is_midnight = np.diff(times[known], prepend=times[known][:1]) < -DAY / 2
+    times[known] += DAY * np.cumsum(is_midnight)
     return times

@@ -1,4 +1,4 @@
-"""The vehicle that carried a recording's sensors: the one that was named, else the one that the recording names."""
+"""Vehicle of a recording: the given one, else the one that the recording names."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from trackprofile.models.vehicle import Vehicle
 def vehicle_of_recording(
     recording: xr.Dataset, path: Path, given: str | None
 ) -> tuple[Vehicle, Installation]:
-    """The vehicle that was given, else the one that the recording names, beside it or a preset.
+    """Vehicle of a recording: the given one, else the one that the recording names, a file next to it or a preset.
 
     Parameters
     ----------
-    path : of the recording
-    given : a preset's name or a path
+    path : file of the recording
+    given : name of a preset or path of a TOML; None: the one that the recording names
 
     Raises
     ------
-    FileError : there is none, or it cannot be read.
-    TrackprofileError : as of `read_vehicle`.
+    FileError : neither is given, or the file cannot be read.
+    TrackprofileError : see `read_vehicle`.
     """
     if given is not None:
         return read_vehicle(given)
     named = recording.attrs.get("vehicle", "")
     if not named:
         raise FileError(
-            f"{path}: it names no vehicle; say which (--vehicle, or in a manifest): the TOML of one, "
-            f"or one of the presets {', '.join(presets('vehicle'))}."
+            f"{path}: the recording names no vehicle; give one (--vehicle, or in a manifest): the path of a TOML, or "
+            f"one of the presets {', '.join(presets('vehicle'))}."
         )
-    beside = path.parent / named
-    return read_vehicle(beside if beside.is_file() else named)
+    file = path.parent / named
+    return read_vehicle(file if file.is_file() else named)
