@@ -110,7 +110,7 @@ def test_page_and_markdown_say_the_same_and_how_to_make_them_anew() -> None:
         (["--recording-length", "0.5 km"], "a recording of at least 1000 m"),
         (["--utilisation", "2"], "Utilisation: expected above 0 and up to 1, got 2"),
         (["--sampling-rate", "often"], "'often' is not a frequency"),
-        (["--prior", "steep"], "steep: there is no such file"),
+        (["--prior", "steep"], "steep: the file does not exist"),
         (["--store", "nowhere"], "nowhere: there is no store"),
     ],
 )

@@ -79,7 +79,7 @@ def test_table_with_posts_and_points_is_read(tmp_path: Path) -> None:
         ("distance_m,post\n0,12\n", "expected a column 'kilometre'"),
         ("distance_m,latitude_deg,longitude_deg\n0,91,0\n1,2,3\n", "expected -90 to 90, got 91"),
         ("distance_m,kilometre\n0,12\n500,\n1000,13.9\n", "row 3: its kilometre differs"),
-        ("distance_m,kilometre\n,12\n1,13\n", "row 1: there is no number"),
+        ("distance_m,kilometre\n,12\n1,13\n", "row 1: expected a number"),
     ],
 )
 def test_contradictory_table_is_refused_with_its_row(
@@ -92,5 +92,5 @@ def test_contradictory_table_is_refused_with_its_row(
 
 
 def test_missing_table_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="expected a table of the way"):
+    with pytest.raises(FileError, match="expected a chainage table"):
         read_chainage(tmp_path / "none.csv")

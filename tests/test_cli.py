@@ -325,7 +325,7 @@ SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "a word for a number": (
         lambda folder: cells(folder, 2, 7, "much"),
-        ("data row 7", "expected a number, found 'much'"),
+        ("data row 7", "expected a number, got 'much'"),
     ),
     "a clock that stands still": (
         lambda folder: rows(

@@ -127,7 +127,7 @@ def test_a_line_that_a_store_does_not_know_has_no_pass(
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["gone.nc=2026-05-02"], "there is no such file"),
+        (["gone.nc=2026-05-02"], "the file does not exist"),
         (["0.nc=2026-05-02"], "Two passes have the name '0.nc'"),
         (["0.nc"], "expected a profile and its date"),
         (["other.nc=2026-05-02"], "At most half of the 2 passes correlate with one another"),

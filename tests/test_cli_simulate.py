@@ -116,7 +116,7 @@ def refused(folder: Path, text: str) -> None:
     [
         ('width = "0.5 m"', 'widht = "0.5 m"', "unknown key 'widht'"),
         ('sampling = "500 Hz"', 'sampling = "40 Hz"', "too long for the stiffest mode, at "),
-        ('vehicle = "velaro"', 'vehicle = "tram"', "tram: there is no such file"),
+        ('vehicle = "velaro"', 'vehicle = "tram"', "tram: the file does not exist"),
         ('vehicle = "velaro"', 'vehicle = "quarter-car"', "does not have"),
         ('track = "zhai-layered"', 'track = "loose.toml"', "spacing must be above 0"),
         ('vehicle = "velaro"', 'vehicle = "light.toml"', "must be above 0"),

@@ -71,7 +71,7 @@ def test_two_of_time_distance_and_speed_say_how_the_train_moved(known: tuple[str
     recording = build_recording([floor()], **{name: moved[name] for name in known})
     assert {name for name in moved if name in recording} == set(known)
     for alone in known:
-        with pytest.raises(DataError, match=r"two of time|needs time or distance"):
+        with pytest.raises(DataError, match=r"two of time|needs a time or a distance"):
             build_recording([floor()], **{alone: moved[alone]})
 
 
@@ -122,7 +122,7 @@ def test_distance_must_increase_where_there_is_no_time() -> None:
     ids=["speed", "distance"],
 )
 def test_a_train_that_never_moved_is_refused(moved: dict[str, np.ndarray]) -> None:
-    with pytest.raises(DataError, match="never moved"):
+    with pytest.raises(DataError, match="did not move"):
         build_recording([floor()], **moved)
 
 
@@ -139,15 +139,15 @@ def test_a_missing_value_must_be_marked_and_may_then_stay() -> None:
     ("changed", "said"),
     [
         ({"valid": np.zeros(5, bool)}, "no sample is marked valid"),
-        ({"values": RAMP[:4]}, "expected 5 values"),
+        ({"values": RAMP[:4]}, "array of 5 values"),
         ({"quantity": "lateral acceleration"}, "vertical acceleration, pitch rate"),
-        ({"body": ""}, "expected the body"),
-        ({"position": np.nan}, "a position on it"),
+        ({"body": ""}, "expected the name of its body"),
+        ({"position": np.nan}, "its position on it"),
         ({"noise_density": 0.0}, "above zero, got 0"),
         ({"flicker": -1.0}, "flicker above zero, got -1"),
         ({"name": "a/b"}, "without '/'"),
-        ({"name": "speed"}, "a name of its own"),
-        ({"name": "good_valid"}, "not ending in '_valid'"),
+        ({"name": "speed"}, "expected a unique name"),
+        ({"name": "good_valid"}, "does not end in '_valid'"),
     ],
 )
 def test_a_channel_that_is_not_described_is_refused(changed: dict[str, Any], said: str) -> None:
@@ -159,9 +159,9 @@ def test_a_channel_that_is_not_described_is_refused(changed: dict[str, Any], sai
 def test_a_recording_needs_a_channel_once_and_two_samples() -> None:
     with pytest.raises(DataError, match="at least one sensor channel"):
         build_recording([], time=RAMP, speed=STEADY)
-    with pytest.raises(DataError, match="name of its own"):
+    with pytest.raises(DataError, match="a unique name"):
         build_recording([floor(), floor()], time=RAMP, speed=STEADY)
-    with pytest.raises(DataError, match="at least 2 samples, this one has 1"):
+    with pytest.raises(DataError, match="at least 2 samples, got 1"):
         build_recording([floor(values=RAMP[:1])], time=RAMP[:1], speed=STEADY[:1])
 
 
@@ -202,10 +202,10 @@ def test_an_elevation_may_be_missing_in_a_gap_only() -> None:
         ({"distance": with_one(RAMP, 2, np.nan)}, "distance, data row 2"),
         ({"standard_deviation": with_one(RAMP, 3, -1e-9)}, "standard_deviation, data row 3"),
         ({"standard_deviation": with_one(RAMP, 3, np.nan)}, "standard_deviation, data row 3"),
-        ({"kind": "guess"}, "kind is one of posterior, point, truth"),
-        ({"kind": "posterior"}, "needs its standard_deviation"),
-        ({"loading": "full"}, "loading is one of unloaded, loaded"),
-        ({"elevation": RAMP[:3]}, "expected 5 values"),
+        ({"kind": "guess"}, "kind: expected one of posterior, point, truth"),
+        ({"kind": "posterior"}, "needs the variable standard_deviation"),
+        ({"loading": "full"}, "loading: expected one of unloaded, loaded"),
+        ({"elevation": RAMP[:3]}, "array of 5 values"),
     ],
 )
 def test_a_profile_that_contradicts_itself_is_refused(changed: dict[str, Any], said: str) -> None:
@@ -218,8 +218,8 @@ def test_a_profile_that_contradicts_itself_is_refused(changed: dict[str, Any], s
     [
         ({"rate_deviation_D1": [0.0, -1e-6]}, "rate_deviation_D1, data row 2: expected a finite"),
         ({"rate": [np.nan, 0.0]}, "rate, data row 1: expected a finite number"),
-        ({"rate_deviation": None}, "A line has both rate and rate_deviation"),
-        ({"rate": None}, "A line has both rate and rate_deviation"),
+        ({"rate_deviation": None}, "expected both rate and rate_deviation"),
+        ({"rate": None}, "expected both rate and rate_deviation"),
     ],
 )
 def test_a_rate_that_contradicts_itself_is_refused(changed: dict[str, Any], said: str) -> None:
@@ -235,7 +235,7 @@ def test_a_rate_that_contradicts_itself_is_refused(changed: dict[str, Any], said
 
 def test_one_contract_is_not_taken_for_the_other() -> None:
     profile = build_profile(RAMP, RAMP, kind="truth")
-    with pytest.raises(DataError, match=r"Expected a recording .* got 'profile'"):
+    with pytest.raises(DataError, match=r"expected 'recording', got 'profile'"):
         validate_recording(profile)
     with pytest.raises(DataError, match="got None"):
         validate_profile(xr.Dataset())
@@ -279,5 +279,5 @@ def test_a_stretch_of_a_recording_in_time_is_found_by_how_far_the_train_ran() ->
 
 def test_a_stretch_outside_the_data_is_refused_with_what_there_is() -> None:
     profile = build_profile(RAMP, RAMP, kind="truth")
-    with pytest.raises(DataError, match="runs from 0 m to 4 m; choose a stretch inside"):
+    with pytest.raises(DataError, match="extends from 0 m to 4 m, choose a stretch inside"):
         select_stretch(profile, 10.0, None)

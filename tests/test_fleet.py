@@ -131,11 +131,11 @@ def _preset(kind: str, name: str) -> bytes:
     ("more", "head", "message"),
     [
         ('file = "three.nc"', HEAD, r"recording 2 \(three.nc\): there is no such file"),
-        ('file = "two.nc"\nlime = "A"', HEAD, "unknown key 'lime' in recording 2; the keys there are line, "),
+        ('file = "two.nc"\nlime = "A"', HEAD, "unknown key 'lime' in recording 2 .did you mean 'line'\?.; the keys of this table are line, "),
         ('file = "two.nc"\nday = "31.5.2026"', HEAD, "recording 2.day: .*a day such as 2026-05-31, got '31.5.2026'"),
         ('file = "two.nc"\nspeed = "fast"', HEAD, "recording 2.speed: 'fast' is not a speed"),
         ('file = "two.nc"\nspeed = "0 km/h"', HEAD, r"recording 2 .*must be above 0, got 0 m/s"),
-        ('file = "two.nc"\nvehicle = "cart"', HEAD, "recording 2, vehicle: .*cart: there is no such file"),
+        ('file = "two.nc"\nvehicle = "cart"', HEAD, "recording 2, vehicle: .*cart: the file does not exist"),
         ('file = "two.nc"\nlimits = "ours"', HEAD, "recording 2, limits: .*ours: there is no such file"),
         ('file = "two.nc"\nline = ""', HEAD, "recording 2.line: .*at least 1 character"),
         ('file = "two.nc"', HEAD.replace("line", "run"), "recording 1 .*key 'line' is missing"),
@@ -297,7 +297,7 @@ def test_a_night_on_two_processes_with_one_broken_recording_and_again(folder: Pa
         (["--scheduler", "missing.json"], "there is no such file"),
         (["--scheduler", "tcp://127.0.0.1:9", "--workers", "3"], "are of this machine"),
         (["--memory", "much"], "'much' is no amount of memory"),
-        (["-o", "night.docx"], "tables go to a file that ends in .csv, .parquet"),
+        (["-o", "night.docx"], "tables are written to files that end in .csv, .parquet"),
     ],
 )
 def test_bad_input_leaves_the_store_untouched(

@@ -110,7 +110,7 @@ def test_times_as_texts_are_read(tmp_path: Path, unit: str, stamps: list[str]) -
 def test_time_that_is_no_time_is_refused_by_row(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t;v;a\n01.01.2024 00:00:00;36;1\nnoon;36;1\n")
     with pytest.raises(
-        DataError, match=r"column .t., data row 2: expected a time as D\.M\.Y, found"
+        DataError, match=r"column .t., data row 2: expected a time as D\.M\.Y, got"
     ):
         read(explained(tmp_path, "a.csv", unit="D.M.Y"))
 
@@ -132,7 +132,7 @@ def test_a_small_file_that_claims_to_be_large_is_refused(tmp_path: Path) -> None
     with h5py.File(tmp_path / "a.h5", "w") as file:
         for key in "tva":
             file.create_dataset(key, shape=(10**12,), chunks=(10**6,), dtype=float)
-    with pytest.raises(FileError, match="claims to hold"):
+    with pytest.raises(FileError, match="the file states a content of"):
         read(explained(tmp_path, "a.h5"))
 
 
@@ -220,7 +220,7 @@ def test_a_recording_is_read_back_from_every_format(tmp_path: Path, suffix: str)
 def test_name_that_matlab_cannot_have_is_refused_and_nothing_left(tmp_path: Path) -> None:
     floor = Channel("floor acc", FLOOR, "vertical acceleration", "body", 6.9)
     recording = build_recording([floor], time=TIME, speed=np.full(4, 10.0))
-    with pytest.raises(DataError, match="MATLAB's names are up to 31 letters"):
+    with pytest.raises(DataError, match="a name in MATLAB has up to 31 letters"):
         write(recording, tmp_path / "run.mat")
     assert not list(tmp_path.iterdir())
 

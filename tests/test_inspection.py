@@ -107,7 +107,7 @@ def test_what_is_written_for_a_loggers_file_reads_it(logger: Path, tmp_path: Pat
     assert found.recording is not None
     assert not found.faults
     assert "# guessed" in toml.read_text(encoding="utf-8")
-    with pytest.raises(FileError, match="it is there already"):
+    with pytest.raises(FileError, match="the file exists already"):
         write_toml(found, toml)
 
 

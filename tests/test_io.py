@@ -189,23 +189,23 @@ def refused(path: Path, error: type[TrackprofileError] = DataError) -> str:
     ("old", "new", "said"),
     [
         ("speed_km_h", "v", "column 'speed_km_h' is missing; the columns are distance_m, v, floor"),
-        ("0.1,1", "nan,1", "column 'floor', data row 1: there is no finite number; mark"),
-        ("0.1,1", "inf,1", "column 'floor', data row 1: there is no finite number"),
+        ("0.1,1", "nan,1", "column 'floor', data row 1: expected a finite number; mark"),
+        ("0.1,1", "inf,1", "column 'floor', data row 1: expected a finite number"),
         ("0.1,1", "0.1,", "column 'good', data row 1: expected 1 or 0"),
-        ("0.1,1", "0.1,yes", "column 'good', data row 1: expected a number, found 'yes'"),
-        ("0.1,1", "o.1,1", "column 'floor', data row 1: expected a number, found 'o.1'"),
-        (",0\n1", ",1\n1", "column 'floor', data row 2: there is no finite number; mark"),
+        ("0.1,1", "0.1,yes", "column 'good', data row 1: expected a number, got 'yes'"),
+        ("0.1,1", "o.1,1", "column 'floor', data row 1: expected a number, got 'o.1'"),
+        (",0\n1", ",1\n1", "column 'floor', data row 2: expected a finite number; mark"),
         ("0.5,72", "0.5,0", "column 'speed_km_h', data row 2: the speed is zero"),
-        ("0.5,72", "0.5,-72", "column 'speed_km_h', data row 2: the speed is -20 m/s"),
+        ("0.5,72", "0.5,-72", "column 'speed_km_h', data row 2: expected a speed of zero or more, got -20 m/s"),
         ("0.5,72", "-0.5,72", "column 'distance_m', data row 2: distance does not increase"),
         (
             "1,36,-0.1,true\n",
             "1,3",
-            "data row 3: expected 4 values, found 2; the file is cut short",
+            "data row 3: expected 4 values, got 2; the file is cut short",
         ),
-        (CSV[CSV.index("\n") :], "", "not a whole CSV table; copy or export it again"),
+        (CSV[CSV.index("\n") :], "", "not a complete CSV table"),
         ("distance_m,", "floor,", "column 'distance_m' is missing"),
-        ("good", "floor", "column 'floor' is there twice"),
+        ("good", "floor", "column 'floor' occurs twice"),
     ],
 )
 def test_a_table_that_cannot_be_used_is_refused_by_column_and_row(
@@ -242,8 +242,8 @@ def test_speed_that_is_missing_is_filled_and_said(run: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "error", "said"),
     [
-        ('"km/h"', '"km"', UnitError, "column 'speed_km_h': Unit 'km' is not one of speed"),
-        ('"g"', '"°/s"', UnitError, "column 'floor': Unit '°/s' is not one of acceleration"),
+        ('"km/h"', '"km"', UnitError, "column 'speed_km_h': Unit 'km' is not a unit of speed"),
+        ('"g"', '"°/s"', UnitError, "column 'floor': Unit '°/s' is not a unit of acceleration"),
         ("vertical", "lateral", DataError, "pitch rate, roll rate, got 'lateral"),
         (
             "body =",
@@ -287,9 +287,9 @@ def test_an_explanation_that_is_wrong_is_refused_by_key(
     [
         ("distance_m", "metres", "column 'distance_m' is missing"),
         ("\n1,", "\n0,", "column 'distance_m', data row 2: distance does not increase"),
-        ("0.002", "", "column 'elevation_m', data row 2: there is no finite number"),
+        ("0.002", "", "column 'elevation_m', data row 2: expected a finite number"),
         ("0.0001", "-1", "column 'standard_deviation_m', data row 1: expected a finite number"),
-        ("1,0.002,0.0001\n", "1,0.0", "data row 2: expected 3 values, found 2"),
+        ("1,0.002,0.0001\n", "1,0.0", "data row 2: expected 3 values, got 2"),
     ],
 )
 def test_a_profile_that_cannot_be_used_is_refused(
@@ -304,7 +304,7 @@ def test_a_profile_that_cannot_be_used_is_refused(
 
 def test_a_quality_that_is_no_flag_is_refused(tmp_path: Path) -> None:
     (tmp_path / "level.csv").write_text("distance_m,elevation_m,quality\n0,0,0\n1,0,256\n")
-    said = "column 'quality', data row 2: expected a sum of flags, 0 to 255, found 256"
+    said = "column 'quality', data row 2: expected a sum of flags, 0 to 255, got 256"
     assert said in refused(tmp_path / "level.csv")
 
 
@@ -351,15 +351,15 @@ def test_a_damaged_file_is_read_or_refused_in_one_sentence(name: str, data: st.D
 @pytest.mark.parametrize(
     ("variable", "attribute", "value", "said"),
     [
-        ("floor", "position", "middle", "a position on it"),
-        ("floor", "position", [1.0, 2.0], "a position on it"),
-        ("floor", "body", [1.0, 2.0], "expected the body"),
+        ("floor", "position", "middle", "its position on it"),
+        ("floor", "position", [1.0, 2.0], "its position on it"),
+        ("floor", "body", [1.0, 2.0], "expected the name of its body"),
         ("floor", "noise_density", "low", "noise_density above zero"),
-        ("floor", "quantity", [1.0, 2.0], "its quantity is one of"),
+        ("floor", "quantity", [1.0, 2.0], "expected a quantity out of"),
         ("floor", "units", "g", "in m/s2, got float64 .* units 'g'"),
         ("time", "units", [1.0, 2.0], "in s, got"),
-        (None, "kind_of_data", "film", "Expected a recording or a profile"),
-        (None, "kind_of_data", [1.0, 2.0], "Expected a recording or a profile"),
+        (None, "kind_of_data", "film", "expected 'recording' or 'profile'"),
+        (None, "kind_of_data", [1.0, 2.0], "expected 'recording' or 'profile'"),
         (None, "provenance", "by hand", "list of texts in JSON, got 'by hand'"),
     ],
 )
@@ -386,7 +386,7 @@ def test_text_in_the_place_of_numbers_is_refused(tmp_path: Path, name: str) -> N
 def test_what_cannot_be_a_file_of_ours_is_refused_with_what_could(tmp_path: Path) -> None:
     (tmp_path / "plain.csv").write_text("a,b\n1,2\n")
     assert "expected a profile as a table" in refused(tmp_path / "plain.csv", FileError)
-    assert "there is no such file" in refused(tmp_path / "none.nc", FileError)
+    assert "the file does not exist" in refused(tmp_path / "none.nc", FileError)
     assert "ends in .nc, .csv, .parquet, .toml" in refused(tmp_path / "run.xlsx", FileError)
 
 
@@ -403,12 +403,12 @@ def level() -> xr.Dataset:
 
 
 def test_writing_is_refused_before_anything_is_touched(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"a profile is written to .* \.nc, \.csv, \.parquet\."):
+    with pytest.raises(FileError, match=r"a profile is written to .* \.nc, \.csv, \.parquet;"):
         write(level(), tmp_path / "level.toml")
-    with pytest.raises(FileError, match="there is no folder"):
+    with pytest.raises(FileError, match="does not exist; create it first"):
         write(level(), tmp_path / "none" / "level.csv")
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(FileError, match="this is a folder"):
+    with pytest.raises(FileError, match="got a folder"):
         write(level(), tmp_path / "folder.csv")
     with pytest.raises(DataError, match="data row 2"):
         write(level().isel(distance=[1, 1]), tmp_path / "level.csv")

@@ -145,5 +145,5 @@ def test_methods_that_know_the_vehicle_as_described_only_refuse_another_end() ->
 
 def test_end_has_two_names() -> None:
     recording, _ = backwards(VELARO, (ACCELERATION,))
-    with pytest.raises(DataError, match="leading_end is one of first, last, this one says 'front'"):
+    with pytest.raises(DataError, match="leading_end: expected one of first, last, got 'front'"):
         with_channels(recording, list(channels(recording)), "front")

@@ -206,7 +206,7 @@ def test_invalid_position_uncertainty_and_wheel_scale_are_refused() -> None:
         build_recording(
             [floor], time=[0, 1, 2], distance=[0, 1, 2], distance_deviation=[0, 1, np.nan]
         )
-    with pytest.raises(DataError, match="wheel_scale is a number above zero, this one says -1"):
+    with pytest.raises(DataError, match="wheel_scale: expected a number above zero, got -1"):
         build_recording([floor], time=[0, 1, 2], distance=[0, 1, 2], wheel_scale=-1.0)
 
 
@@ -216,11 +216,11 @@ def test_invalid_position_uncertainty_and_wheel_scale_are_refused() -> None:
         (TIME + ODOMETER.replace(f"wheel_diameter = {DIAMETER}\n", ""), "pulses need the keys 'per_revolution'"),
         (TIME + 'distance = { column = "rolled", unit = "km" }\n' + ODOMETER, "describe the same wheel; remove one"),
         (GNSS, "Positions cannot be assigned to samples without a time"),
-        (TIME + GNSS.replace("°", "m"), "Unit 'm' is not one of angle"),
+        (TIME + GNSS.replace("°", "m"), "Unit 'm' is not a unit of angle"),
         (TIME + GNSS.replace('"lat"', '"v"'), "gnss.latitude: expected -90 to 90°, got"),
         (TIME + POSTS + 'data = "posts.csv"\n', "needs the key 'time', the column with the times at which"),
         (TIME + GNSS + 'height = 3\n', "unknown key 'height' in recording.gnss"),
-        (TIME + 'chainage = "nowhere.csv"\n' + GNSS, "expected a table of the way"),
+        (TIME + 'chainage = "nowhere.csv"\n' + GNSS, "expected a chainage table"),
         (TIME + 'leading_end = "front"\n' + GNSS, "leading_end"),
     ],
 )  # fmt: skip

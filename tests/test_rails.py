@@ -349,7 +349,7 @@ def test_half_a_profile_per_rail_is_refused() -> None:
     with pytest.raises(RowError, match="elevation_left, data row 2: expected a finite number"):
         with_rails(mean, sides)
     with_rails(mean, sides, [0, Quality.GAP])
-    with pytest.raises(DataError, match="no elevation of the left rail, only the mean"):
+    with pytest.raises(DataError, match="expected an elevation of the rail left, got the mean"):
         select_rail(mean, Rail.LEFT)
 
 

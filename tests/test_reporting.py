@@ -273,10 +273,10 @@ def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
     [
         (["assess", "P", "--speed", "fast"], "is not a speed"),
         (["assess", "P", "--speed", "400 km/h"], "there are none at 400 km/h"),
-        (["assess", "P", "--speed", "100 km/h", "-o", "x.xlsx"], "tables go to a file that ends in"),
+        (["assess", "P", "--speed", "100 km/h", "-o", "x.xlsx"], "tables are written to files that end in"),
         (["assess", "P", "--speed", "100 km/h", "-o", "x.geojson"], "needs latitude and longitude"),
         (["assess", "P", "--speed", "100 km/h", "--limits", "none"], "none"),
-        (["assess", "P", "--speed", "100 km/h", "--chainage", "no.csv"], "expected a table of the way"),
+        (["assess", "P", "--speed", "100 km/h", "--chainage", "no.csv"], "expected a chainage table"),
         (["report", "P", "--speed", "100 km/h", "-o", "x.html", "--date", "2026-01-01"], "needs both"),
         (["trend", "P=2026-01-01"], "needs two passes or more"),
         (["trend", "P", "P"], "expected a profile and its date"),

@@ -99,10 +99,10 @@ def test_profile_from_a_file_is_ridden_as_the_formula_is(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('vehicle = "velaro"', 'vehicle = "tram"', "tram: there is no such file"),
+        ('vehicle = "velaro"', 'vehicle = "tram"', "tram: the file does not exist"),
         ('end = "30 m"', 'end = "-1 m"', "end beyond its start"),
         ('speed = "150 km/h"', 'speed = "0 km/h"', "speeds above 0"),
-        ('speed = "150 km/h"', 'speed = "150 kg"', "unit 'kg' is not one of speed"),
+        ('speed = "150 km/h"', 'speed = "150 kg"', "unit 'kg' is not a unit of speed"),
         ('run_in = "20 m"', 'run_in = "2 m"', "at least 10 m of running in"),
         ("steps_per_sample = 1", "steps_per_sample = 0", "steps_per_sample"),
         ("steps_per_sample = 1", "steps_per_sample = 1\ncolour = 3", "colour"),
@@ -110,8 +110,8 @@ def test_profile_from_a_file_is_ridden_as_the_formula_is(tmp_path: Path) -> None
         ('sampling = "500 Hz"', 'sampling = "20 Hz"', "too coarse"),
         ('width = "0.5 m"', 'width = "-0.5 m"', "width"),
         ('kind = "bell"', 'kind = "hole"', "kind"),
-        ('width = "0.5 m"', 'widht = "0.5 m"', "irregularity 1: unknown key 'widht'; the keys there are"),
-        ('width = "0.5 m"', 'width = "0.5 kg"', "width: unit 'kg' is not one of length"),
+        ('width = "0.5 m"', 'widht = "0.5 m"', "irregularity 1: unknown key 'widht'; the keys of this table are"),
+        ('width = "0.5 m"', 'width = "0.5 kg"', "width: unit 'kg' is not a unit of length"),
         ('width = "0.5 m"', "width = 0.5", "width: expected text: a number and its unit of length"),
         ('run_in = "20 m"', 'runin = "20 m"', "unknown key 'runin' in run"),
         ('end = "30 m"', 'end = "0.1 m"', "less than two samples"),
