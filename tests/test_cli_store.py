@@ -238,7 +238,10 @@ def test_export_of_tables_of_the_passes_that_match(
     ("asked", "said"),
     [
         (["-o", "x.html"], "a profile is written to a file that ends in .nc, .csv, .parquet"),
-        (["-o", "x.nc", "--table", "defects"], "tables are written to files that end in .csv, .parquet"),
+        (
+            ["-o", "x.nc", "--table", "defects"],
+            "tables are written to files that end in .csv, .parquet",
+        ),
         (["-o", "x.csv", "--table", "faults"], "There is no table 'faults'; choose one of defects"),
         (
             ["-o", "x.csv", "--line", "none"],

@@ -109,9 +109,7 @@ def test_times_as_texts_are_read(tmp_path: Path, unit: str, stamps: list[str]) -
 
 def test_time_that_is_no_time_is_refused_by_row(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t;v;a\n01.01.2024 00:00:00;36;1\nnoon;36;1\n")
-    with pytest.raises(
-        DataError, match=r"column .t., data row 2: expected a time as D\.M\.Y, got"
-    ):
+    with pytest.raises(DataError, match=r"column .t., data row 2: expected a time as D\.M\.Y, got"):
         read(explained(tmp_path, "a.csv", unit="D.M.Y"))
 
 

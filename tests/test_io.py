@@ -196,7 +196,11 @@ def refused(path: Path, error: type[TrackprofileError] = DataError) -> str:
         ("0.1,1", "o.1,1", "column 'floor', data row 1: expected a number, got 'o.1'"),
         (",0\n1", ",1\n1", "column 'floor', data row 2: expected a finite number; mark"),
         ("0.5,72", "0.5,0", "column 'speed_km_h', data row 2: the speed is zero"),
-        ("0.5,72", "0.5,-72", "column 'speed_km_h', data row 2: expected a speed of zero or more, got -20 m/s"),
+        (
+            "0.5,72",
+            "0.5,-72",
+            "column 'speed_km_h', data row 2: expected a speed of zero or more, got -20 m/s",
+        ),
         ("0.5,72", "-0.5,72", "column 'distance_m', data row 2: distance does not increase"),
         (
             "1,36,-0.1,true\n",
