@@ -16,7 +16,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from trackprofile.arrays import runs
+from trackprofile.arrays import NORMAL_95, runs
 from trackprofile.bands import BANDS, Band, band_pass_pieces, obstacle, resample
 from trackprofile.contracts import known_elevation
 from trackprofile.errors import DataError
@@ -24,7 +24,6 @@ from trackprofile.errors import DataError
 Array = NDArray[np.float64]
 
 _FLAT = 1e-12  # m; what is left of a straight line is rounding
-_TWO_SIDED_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -257,7 +256,7 @@ def _compare_band(
         reference_rms_mm=1e3 * _rms(reference),
         gain=float(profile @ reference / (reference @ reference)),
         lag_m=lag,
-        coverage_95=float(np.mean(np.abs(error) < _TWO_SIDED_95 * stated, where=known))
+        coverage_95=float(np.mean(np.abs(error) < NORMAL_95 * stated, where=known))
         if known.any()
         else None,
         stated_rms_mm=1e3 * _rms(stated[known]) if known.any() else None,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from trackprofile.arrays import NORMAL_95
 from trackprofile.assessment.alignment import Alignment
 from trackprofile.assessment.levels import BandLevel
 from trackprofile.bands import Band
@@ -166,7 +167,7 @@ class Rate:
     @property
     def certain(self) -> bool:
         """Whether it is no chance, with 95 %."""
-        return abs(self.per_day) > 1.96 * self.deviation
+        return abs(self.per_day) > NORMAL_95 * self.deviation
 
     def ahead(self, days: Array) -> tuple[Array, Array]:
         """Level and its standard deviation some days after the last pass, or before it (n) [m]."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from datetime import date
 from urllib.parse import quote
 
+from trackprofile.assessment.tables import ASSESSMENT_TABLES
 from trackprofile.errors import DataError
 
 SCHEMA = 2
@@ -21,10 +22,7 @@ schema 2), and named three keys of an entry differently.
 """
 
 PROFILES, OVERVIEWS, ENTRIES = "profiles", "overviews", "entries"
-TABLES = ("defects", "sections", "not_assessed", "spectra")
-"""Tables of an assessment, as in `trackprofile.assessment.tables`."""
-
-DATA = (PROFILES, OVERVIEWS, *TABLES)
+DATA = (PROFILES, OVERVIEWS, *ASSESSMENT_TABLES)
 """Folders in which every entry has one file."""
 
 INDEX = "index"

@@ -14,11 +14,12 @@ import pyarrow.parquet as parquet
 import xarray as xr
 from numpy.typing import NDArray
 
+from trackprofile.assessment.tables import ASSESSMENT_TABLES
 from trackprofile.contracts import append_provenance, build_profile
 from trackprofile.errors import DataError, FileError, TrackprofileError
 from trackprofile.store.columns import LEVEL, METADATA_KEY, STANDARD_DEVIATION
 from trackprofile.store.entry import Entry
-from trackprofile.store.layout import PROFILES, TABLES
+from trackprofile.store.layout import PROFILES
 from trackprofile.store.store import Store
 
 _REMEDY = "run trackprofile store verify, remove the file with its entry, and add the pass again"
@@ -93,7 +94,7 @@ def read_table(
     Parameters
     ----------
     store, entries : the passes
-    name : one of `trackprofile.store.layout.TABLES`
+    name : one of `trackprofile.assessment.tables.ASSESSMENT_TABLES`
     start, end : ends of the stretch [m]; None is open
 
     Returns
@@ -124,7 +125,7 @@ def read_table_rows(
     Parameters
     ----------
     store, entry : the pass
-    name : one of `trackprofile.store.layout.TABLES`
+    name : one of `trackprofile.assessment.tables.ASSESSMENT_TABLES`
     start, end : ends of the stretch [m]; None is open
     columns : names of the columns; None reads all
 
@@ -133,8 +134,10 @@ def read_table_rows(
     DataError : there is no such table.
     FileError : the file is missing or damaged.
     """
-    if name not in TABLES:
-        raise DataError(f"There is no table {name!r}; choose one of {', '.join(TABLES)}.")
+    if name not in ASSESSMENT_TABLES:
+        raise DataError(
+            f"There is no table {name!r}; choose one of {', '.join(ASSESSMENT_TABLES)}."
+        )
     wanted = None if columns is None else [*dict.fromkeys((*columns, "start_m", "end_m"))]
     with _open_parquet(store, entry.path(name)) as file:
         existing = file.schema_arrow.names
