@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from narrowing import not_none
 from trackprofile.models.irregularity import Irregularity
 from trackprofile.models.track import LayeredTrack
 from trackprofile.models.vehicle import HEAVE, Vehicle, assemble
@@ -33,9 +34,9 @@ class Track:
     """M, C and K; four freedoms per node: deflection and slope of the rail, sleeper, ballast."""
 
     spacing: float
-    M: sparse.csr_matrix
-    C: sparse.csr_matrix
-    K: sparse.csr_matrix
+    M: sparse.csr_array
+    C: sparse.csr_array
+    K: sparse.csr_array
 
 
 @dataclass(frozen=True)
@@ -78,11 +79,11 @@ def whole_track(track: LayeredTrack, nodes: int) -> Track:
     return Track(h, M.tocsr(), C.tocsr(), K.tocsr())
 
 
-def interpolation(track: Track, places: Array) -> list[sparse.csr_matrix]:
+def interpolation(track: Track, places: Array) -> list[sparse.csr_array]:
     """N, N' and N'' at the wheels, (wheels, freedoms) each."""
     h = track.spacing
     unit = (1.0, h, 1.0, h)
-    out = [sparse.lil_matrix((len(places), track.M.shape[0])) for _ in range(3)]
+    out = [sparse.lil_matrix((len(places), not_none(track.M.shape)[0])) for _ in range(3)]
     for wheel, place in enumerate(places):
         bay, fraction = divmod(place / h, 1)
         freedoms = 4 * int(bay) + np.array([0, 1, 4, 5])
@@ -107,7 +108,7 @@ def passage(
         for m, (_, motion) in zip(np.diag(full.mass), full.degrees_of_freedom, strict=True)
     ]
     offsets = np.array([wheel.position for wheel in vehicle.wheels])
-    size = track.M.shape[0]
+    size = not_none(track.M.shape)[0]
     x, rate, second = np.zeros((3, size + b))
     records = []
     for k, (s, v, a) in enumerate(motion):
@@ -148,7 +149,7 @@ def passage(
                 -wheel_mass * z2[1] - weight[b:] - known[b:],
             ]
         )
-        solution = spsolve(matrix, right)
+        solution = np.asarray(spsolve(matrix, right))
         x, rate, second = (
             solution[: size + b],
             bx * solution[: size + b] - past1,

@@ -11,6 +11,7 @@ from trackprofile.bands import BANDS, Band
 from trackprofile.errors import ModelError
 from trackprofile.inference.accuracy_bound import accuracy_bound
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.models.receptance import point_track
 from trackprofile.models.statespace import state_space, transfer_function
 
 VELARO = read_vehicle("velaro")[0]
@@ -58,7 +59,7 @@ def test_needle_at_the_wave_that_the_bogie_does_not_feel_is_integrated_in_full()
     prior, sensor = read_spectrum("fra-4"), read_sensors("bogie-1ug")[0]
     blind, half = 2 * np.pi / 5.0, 2e-4
     ends = blind + np.array([-half, half])
-    system = state_space(VELARO, RIGID, [sensor])
+    system = state_space(VELARO, point_track(RIGID), [sensor])
     slope = np.abs(np.diff(transfer_function(system, ends, SPEED)[:, 0])[0]) / (2 * half)
     assert sensor.noise_density is not None
     b = slope**2 / (sensor.noise_density**2 * SPEED / (2 * np.pi))

@@ -13,6 +13,7 @@ from trackprofile.kalman.smoother import KalmanGains, initial_state, innovations
 from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.models.adjoint import dot_test
 from trackprofile.models.kinematics import Motion
+from trackprofile.models.receptance import point_track
 from trackprofile.models.statespace import state_space
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ def test_wrong_shapes_and_a_map_to_zero_are_rejected() -> None:
 def run_over(length: float) -> KalmanGains:
     """Gains of a car on elastic track with two sensors at 500 Hz and varying speed."""
     sensors, spectrum = read_sensors("bogie-25ug"), read_spectrum("fra-5")
-    system = state_space(read_vehicle("velaro")[0], read_track("zhai"), sensors)
+    system = state_space(read_vehicle("velaro")[0], point_track(read_track("zhai")), sensors)
     time = np.arange(round(length / 30.0 * 500.0)) / 500.0
     speed = 30.0 + 3.0 * np.sin(2.0 * time)
     distance = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) / 500.0)])

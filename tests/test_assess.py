@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
+from narrowing import floats
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.errors_in_band import Colour, colour_of
 from trackprofile.assessment.exceedance import exceedance_probability
@@ -44,7 +45,7 @@ def band_deviation(band, slope: float) -> float:
 def irregular(spectrum: Spectrum, length: int, seed: int) -> np.ndarray:
     """A periodic profile with that spectrum (length) [m]."""
     omega = 2 * np.pi * np.fft.rfftfreq(length, SPACING)
-    size = np.sqrt(spectrum.density(omega) * omega[1] / 4) * length
+    size = np.sqrt(spectrum.density(floats(omega)) * omega[1] / 4) * length
     noise = np.random.default_rng(seed).standard_normal((2, omega.size))
     return np.fft.irfft((noise[0] + 1j * noise[1]) * size, n=length)
 

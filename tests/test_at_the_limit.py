@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.signal import periodogram
 
+from narrowing import floats
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.inference.accuracy_bound import accuracy_bound
 from trackprofile.inference.blocks import band_standard_deviations
@@ -26,6 +27,7 @@ from trackprofile.kalman.smoother import (
 )
 from trackprofile.kalman.time_steps import discretise_run
 from trackprofile.models.kinematics import Motion
+from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.statespace import state_space, transfer_function
 
@@ -39,7 +41,7 @@ SHORTEST = 0.5  # m, of the simulated waves
 def smoother_of(sensors: Sequence[Sensor], prior: str, samples: int) -> KalmanGains:
     """The smoother for that car, with the noise that the sensors state, the true prior and offsets."""
     spectrum = read_spectrum(prior)
-    system = state_space(VELARO, RIGID, sensors)
+    system = state_space(VELARO, point_track(RIGID), sensors)
     time, still = np.arange(samples) / SAMPLING, np.zeros(samples)
     moved = Motion(time, SPEED * time, still + SPEED, still)
     ride = discretise_run(system, moved, np.ones((samples, len(sensors)), bool), KNOTS)
@@ -67,11 +69,11 @@ def simulated(
     waves = (omega > 0) & (omega <= 2 * np.pi / shortest)
     height = np.zeros((len(omega), draws), complex)
     turns = np.exp(2j * np.pi * generator.random((int(waves.sum()), draws)))
-    height[waves] = np.sqrt(2 * spectrum.density(omega[waves]) * omega[1])[:, None] * turns
+    height[waves] = np.sqrt(2 * spectrum.density(floats(omega[waves])) * omega[1])[:, None] * turns
     height *= samples / 2
     response = np.zeros((len(omega), len(sensors)), complex)
-    system = state_space(VELARO, RIGID, sensors)
-    response[waves] = transfer_function(system, omega[waves], SPEED)
+    system = state_space(VELARO, point_track(RIGID), sensors)
+    response[waves] = transfer_function(system, floats(omega[waves]), SPEED)
     signals = np.empty((samples, len(sensors), draws))
     for i, sensor in enumerate(sensors):
         signals[:, i] = np.fft.irfft(response[:, i : i + 1] * height, samples, axis=0)

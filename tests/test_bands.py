@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from narrowing import floats
 from trackprofile.bands import (
     BANDS,
     D1,
@@ -117,7 +118,7 @@ def test_d1_of_the_german_low_spectrum():
 def sampled_spectrum(length: int, count: int) -> np.ndarray:
     """Profiles with the German low spectrum, periodic (count, length) [m]."""
     omega = 2 * np.pi * np.fft.rfftfreq(length, SPACING)
-    amplitude = np.sqrt(german_low(omega) * omega[1] / 4) * length
+    amplitude = np.sqrt(german_low(floats(omega)) * omega[1] / 4) * length
     noise = np.random.default_rng(3).standard_normal((2, count, omega.size))
     return np.fft.irfft((noise[0] + 1j * noise[1]) * amplitude, n=length)
 

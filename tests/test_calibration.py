@@ -15,6 +15,7 @@ from trackprofile.contracts import build_profile, select_stretch
 from trackprofile.demo import simulated
 from trackprofile.errors import DataError, ModelError, UndeterminedError
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation
 from trackprofile.models.vehicle import parameter_values, with_parameters
 
@@ -25,7 +26,9 @@ TRUE = parameter_values(VELARO)
 @pytest.fixture(scope="module")
 def made() -> tuple[xr.Dataset, xr.Dataset]:
     sensors = read_sensors("bogie-100ug")
-    return simulated(VELARO, read_track("rigid"), sensors, read_spectrum("german-low"), 400.0, 4)
+    return simulated(
+        VELARO, point_track(read_track("rigid")), sensors, read_spectrum("german-low"), 400.0, 4
+    )
 
 
 def test_wrong_suspension_and_origin_are_brought_back(made: tuple[xr.Dataset, xr.Dataset]) -> None:

@@ -21,6 +21,7 @@ from trackprofile.io.model_toml import (
     read_vehicle,
     write_vehicle,
 )
+from trackprofile.models.receptance import point_track
 from trackprofile.models.vehicle import parameter_values, with_parameters
 
 
@@ -31,7 +32,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     vehicle, installation = read_vehicle("velaro")
     recording, truth = simulated(
         vehicle,
-        read_track("rigid"),
+        point_track(read_track("rigid")),
         read_sensors("bogie-25ug"),
         read_spectrum("german-low"),
         length=170.0,

@@ -31,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         profile = passing(LINE, train).profile
         write(profile.assign_attrs(recording=64 * str(number)), there / f"{number}.nc")
     write(passing(Line(length=500.0, seed=99), Train()).profile, there / "other.nc")
+    profile = passing(LINE, fleet(3, seed=5)[-1]).profile
     point = build_profile(profile["distance"], profile["elevation"], kind="point")
     write(point, there / "vague.nc")
     return there

@@ -67,7 +67,7 @@ def test_every_variable_states_its_si_unit() -> None:
 
 @pytest.mark.parametrize("known", [("time", "speed"), ("distance", "speed"), ("time", "distance")])
 def test_two_of_time_distance_and_speed_say_how_the_train_moved(known: tuple[str, str]) -> None:
-    moved = {"time": RAMP, "distance": 20 * RAMP, "speed": STEADY}
+    moved: dict[str, Any] = {"time": RAMP, "distance": 20 * RAMP, "speed": STEADY}
     recording = build_recording([floor()], **{name: moved[name] for name in known})
     assert {name for name in moved if name in recording} == set(known)
     for alone in known:
@@ -103,7 +103,7 @@ def test_a_train_may_creep_below_the_step_in_which_its_speed_was_recorded() -> N
     ],
 )
 def test_a_row_that_cannot_be_is_named(changed: dict[str, np.ndarray], place: str) -> None:
-    moved = {"time": RAMP, "distance": RAMP, "speed": STEADY} | changed
+    moved: dict[str, Any] = {"time": RAMP, "distance": RAMP, "speed": STEADY} | changed
     with pytest.raises(RowError) as caught:
         build_recording([floor()], **moved)
     assert str(caught.value).startswith(f"{place}: ")
@@ -121,7 +121,7 @@ def test_distance_must_increase_where_there_is_no_time() -> None:
     [{"time": RAMP, "speed": 0 * RAMP}, {"time": RAMP, "distance": 0 * RAMP}],
     ids=["speed", "distance"],
 )
-def test_a_train_that_never_moved_is_refused(moved: dict[str, np.ndarray]) -> None:
+def test_a_train_that_never_moved_is_refused(moved: dict[str, Any]) -> None:
     with pytest.raises(DataError, match="did not move"):
         build_recording([floor()], **moved)
 

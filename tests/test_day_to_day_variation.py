@@ -74,7 +74,7 @@ def test_what_the_model_leaves_out_is_found_as_a_coloured_residual(made) -> None
     pole = np.exp(2 * np.pi * frequency / rate * (-damping + 1j * np.sqrt(1 - damping**2)))
     white = np.random.default_rng(1).standard_normal(signal.size + 500)
     # As the model has it: none at rest.
-    hum = lfilter([1.0, -1.0], np.poly([pole, pole.conj()]).real, white)[500:]
+    hum = np.asarray(lfilter([1.0, -1.0], np.poly([pole, pole.conj()]).real, white))[500:]
     hum = hum * share * signal.std() / hum.std()
     start = replace(SENSORS[0], residual=Residual(0.05, 8.0))
     found = calibrate(
@@ -139,4 +139,4 @@ def test_all_that_a_calibration_knows_of_the_sensors_comes_back_from_its_file(
     write_vehicle(VELARO, installation, tmp_path / "vehicle.toml")
     vehicle, back = read_vehicle(str(tmp_path / "vehicle.toml"))
     assert back == installation
-    assert [one.spread for one in vehicle.parameters] == [one.spread for one in VELARO.parameters]
+    assert [one.log_std for one in vehicle.parameters] == [one.log_std for one in VELARO.parameters]

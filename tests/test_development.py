@@ -8,6 +8,7 @@ from datetime import timedelta
 import numpy as np
 import pytest
 
+from narrowing import floats
 from test_trend import AT, COUNT, FIRST, SPACING, passing
 from trackprofile.assessment.development import development
 from trackprofile.assessment.limits import Action
@@ -18,7 +19,8 @@ from trackprofile.errors import DataError
 from trackprofile.models.irregularity import Dip
 
 PLACE = int(1000.0 / SPACING)
-SHAPE = {band.name: band_pass(Dip(1.0, 6.0, 1000.0).at(AT)[0], SPACING, band)[PLACE] for band in BANDS}  # fmt: skip
+DIP = Dip(1.0, 6.0, 1000.0).at(floats(AT))[0]
+SHAPE = {band.name: band_pass(DIP, SPACING, band)[PLACE] for band in BANDS}
 
 
 def with_flag(one: DatedProfile, flag: Quality, start: float, end: float) -> DatedProfile:

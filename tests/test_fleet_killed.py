@@ -67,8 +67,8 @@ class Cluster:
 
 
 def started(folder: Path, *command: str) -> subprocess.Popen[bytes]:
-    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([BIN / "dask", *command], cwd=folder, env=ENVIRONMENT, **silent)
+    silent: dict[str, int] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen[bytes]([BIN / "dask", *command], cwd=folder, env=ENVIRONMENT, **silent)
 
 
 def free_port() -> int:

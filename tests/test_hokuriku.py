@@ -8,11 +8,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from narrowing import not_none
 from trackprofile import infer
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.compare import Comparison, compare
@@ -26,7 +28,7 @@ from trackprofile.reader import read
 from trackprofile.reporting.contents import Report, differences
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hokuriku"
-JUDGED = {"from_m": 1400.0, "to_m": 2100.0}
+JUDGED: dict[str, Any] = {"from_m": 1400.0, "to_m": 2100.0}
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +143,8 @@ def test_report_names_the_same_sections_as_that_of_the_measured_level(profile, l
     # What differs does so at a class's bound.
     assert len(apart) <= 2
     assert all(
-        min(abs(one.standard_deviation - bound) for bound in one.classes.below.values()) < 1e-4
+        min(abs(one.standard_deviation - bound) for bound in not_none(one.classes).below.values())
+        < 1e-4
         for one in apart
     )
     made = Report("a", found, ChainageTable(), {}, "0", compared=measured, compared_name="measured")

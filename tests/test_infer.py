@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from trackprofile.errors import DataError, ModelError
 from trackprofile.inference.infer import estimate
 from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import Installation
 from trackprofile.preprocessing.motion import motion
 
@@ -27,13 +29,18 @@ RIGID = read_track("rigid")
 def made() -> tuple[xr.Dataset, xr.Dataset]:
     """A recording of 600 m from an independent simulation, and the truth."""
     return simulated(
-        VELARO, RIGID, read_sensors("bogie-25ug"), read_spectrum("german-low"), 600.0, 5
+        VELARO,
+        point_track(RIGID),
+        read_sensors("bogie-25ug"),
+        read_spectrum("german-low"),
+        600.0,
+        5,
     )
 
 
-def rebuilt(recording: xr.Dataset, **changes: object) -> xr.Dataset:
+def rebuilt(recording: xr.Dataset, **changes: Any) -> xr.Dataset:
     """The recording with its channels or motion changed."""
-    kept = {
+    kept: dict[str, Any] = {
         name: recording[name].to_numpy()
         for name in ("time", "distance", "speed")
         if name in recording

@@ -27,7 +27,9 @@ def exact(time: float) -> tuple[Array, Array, Array]:
     motion[:2, 2:4] = np.eye(2)
     motion[2:4] = np.linalg.solve(M, np.column_stack([-K, -C, LOAD, np.zeros(2)]))
     motion[4, 5], motion[5, 4] = -OMEGA, OMEGA
-    state = expm(motion * time) @ np.concatenate([DISPLACEMENT, VELOCITY, [1.0, 0.0]])
+    state = np.asarray(expm(motion * time), np.float64) @ np.concatenate(
+        [DISPLACEMENT, VELOCITY, [1.0, 0.0]]
+    )
     return state[:2], state[2:4], (motion @ state)[2:4]
 
 

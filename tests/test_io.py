@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,11 +84,15 @@ def recordings(draw: st.DrawFn) -> xr.Dataset:
                 valid=valid,
             )
         )
-    moved = {"time": increasing(draw, count), "distance": increasing(draw, count)}
+    moved: dict[str, Any] = {"time": increasing(draw, count), "distance": increasing(draw, count)}
     moved["speed"] = numbers(draw, count, st.floats(1e-3, 100.0))
     del moved[draw(st.sampled_from(["time", "distance", "speed"]))]
     return build_recording(
-        sensors, **moved, line=draw(words), source=draw(words), provenance=draw(st.lists(words))
+        sensors,
+        **moved,
+        line=draw(words),
+        source=draw(words),
+        provenance=draw(st.lists(words)),
     )
 
 

@@ -129,7 +129,7 @@ def test_the_filtered_profile_has_the_bands_standard_deviation() -> None:
         # Variance of a variance over a length, Gaussian: 2π/length ∫ S² dΩ; four standard errors.
         error = np.sqrt(2 * np.pi / length * np.trapezoid(density**2, omega)) / variance
         found = np.var(band_pass(elevation, spacing, band))
-        assert found == pytest.approx(variance, rel=4 * error), band.name
+        assert found == pytest.approx(variance, rel=4 * float(error)), band.name
 
 
 def test_welchs_density_of_a_random_profile_is_its_spectrum() -> None:

@@ -87,4 +87,4 @@ def test_every_public_name_is_there() -> None:
     for name in trackprofile.__all__:
         assert getattr(trackprofile, name) is not None
     with pytest.raises(AttributeError, match="attribute profle"):
-        _ = trackprofile.profle
+        _ = getattr(trackprofile, "profle")  # noqa: B009

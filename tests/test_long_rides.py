@@ -16,6 +16,7 @@ import pytest
 import xarray as xr
 from numpy.fft import irfft, rfftfreq
 
+from narrowing import floats
 from trackprofile.assessment.compare import compare
 from trackprofile.bands import BANDS, band_pass
 from trackprofile.checkpoint import CheckpointStore, checkpoint_key, checkpoint_store
@@ -50,7 +51,9 @@ def long_ride(length: float, every: int = 2, seed: int = 7) -> tuple[xr.Dataset,
     waves = (omega > 2 * np.pi / 500) & (omega < 2 * np.pi)
     height = np.zeros(len(omega), complex)
     white = generator.standard_normal((2, int(waves.sum())))
-    height[waves] = np.sqrt(PRIOR.density(omega[waves]) * omega[1] / 2) * (white[0] + 1j * white[1])
+    height[waves] = np.sqrt(PRIOR.density(floats(omega[waves])) * omega[1] / 2) * (
+        white[0] + 1j * white[1]
+    )
     level = irfft(height * len(at), len(at))
     run = RunSettings(0.0, length, constant_speed(SPEED), run_in=RUN_IN, every=every)
     made = simulate(VELARO, ZHAI, Sampled(at, level), run, newmark(1e-3))

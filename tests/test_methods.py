@@ -18,6 +18,7 @@ from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, 
 from trackprofile.methods import registry
 from trackprofile.methods.method import load_method, method_settings
 from trackprofile.methods.registry import METHODS, MethodEntry
+from trackprofile.models.receptance import point_track
 
 VELARO = read_vehicle("velaro")[0]
 ZHAI = read_track("zhai")
@@ -26,7 +27,7 @@ ZHAI = read_track("zhai")
 @pytest.fixture(scope="module")
 def recording() -> xr.Dataset:
     sensors, spectrum = read_sensors("bogie-25ug"), read_spectrum("german-low")
-    return simulated(VELARO, ZHAI, sensors, spectrum, length=60.0, seed=1)[0]
+    return simulated(VELARO, point_track(ZHAI), sensors, spectrum, length=60.0, seed=1)[0]
 
 
 @pytest.mark.parametrize("name", METHODS)

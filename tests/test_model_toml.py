@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from narrowing import known
 from trackprofile.errors import FileError, ModelError, TrackprofileError, UnitError
 from trackprofile.io.model_toml import (
     check_vehicle_path,
@@ -281,7 +282,9 @@ def installations(draw: st.DrawFn) -> Installation:
     optional = st.none() | positive
     numbers = ("noise_density", "bandwidth", "offset", "flicker")
     sensors = tuple(
-        Sensor(draw(text), quantity, draw(text), **{name: draw(optional) for name in numbers})
+        Sensor(
+            draw(text), quantity, draw(text), **known({name: draw(optional) for name in numbers})
+        )
         for quantity in draw(st.lists(st.sampled_from(["vertical acceleration", "pitch rate"])))
     )
     return Installation(draw(distance), sensors, draw(optional))

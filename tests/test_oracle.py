@@ -131,7 +131,7 @@ def theirs(oracle: Path, case: str) -> tuple[dict[str, Array], NDArray[np.bool_]
 
 
 def differences(
-    found: dict[str, Array], expected: dict[str, Array], kept: Array
+    found: dict[str, Array], expected: dict[str, Array], kept: NDArray[np.bool_]
 ) -> dict[str, float]:
     """Relative, in L2."""
     result = {}

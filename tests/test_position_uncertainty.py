@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -320,7 +321,7 @@ def test_distance_scale_of_a_located_wheel_is_not_applied_twice(
 def test_defect_states_the_uncertainty_of_its_location() -> None:
     distance = np.arange(0.0, 400.0, 0.25)
     dip = -0.04 * np.exp(-0.5 * ((distance - 200) / 2) ** 2)
-    known: Mapping[str, Array] = {"distance_deviation": 0.01 * distance}
+    known: Mapping[str, Any] = {"distance_deviation": 0.01 * distance}
     limits = read_limits("en-13848")
     assessed = assess(build_profile(distance, dip, kind="truth", **known), limits, 40.0)
     defect = max(assessed.defects, key=lambda one: abs(one.height))

@@ -281,14 +281,14 @@ def test_uncertainty_of_a_rail_is_that_of_a_sum(shared: float, m: float, c: floa
     found = rail_levels(piece(1.0, m), piece(0.5, c), shared)
     expected = np.sqrt(m**2 + c**2 / 4 + shared * m * c)
     for rail, elevation in ((Rail.LEFT, 1.25), (Rail.RIGHT, 0.75)):
-        np.testing.assert_allclose(found[rail].elevation, elevation)
-        np.testing.assert_allclose(found[rail].standard_deviation, expected)
-        np.testing.assert_allclose(found[rail].band_standard_deviations["D1"], expected)
+        np.testing.assert_allclose(np.asarray(found[rail].elevation), elevation)
+        np.testing.assert_allclose(np.asarray(found[rail].standard_deviation), expected)
+        np.testing.assert_allclose(np.asarray(found[rail].band_standard_deviations["D1"]), expected)
 
 
 def test_where_a_side_was_doubted_the_errors_may_be_those_of_one() -> None:
     found = rail_levels(piece(1.0, 1e-3, Quality.FAULTY), piece(0.5, 1e-3), 0.0)
-    np.testing.assert_allclose(found[Rail.LEFT].standard_deviation, 1.5e-3)
+    np.testing.assert_allclose(np.asarray(found[Rail.LEFT].standard_deviation), 1.5e-3)
 
 
 def levels(points: int) -> st.SearchStrategy:

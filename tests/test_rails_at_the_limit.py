@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from narrowing import floats, not_none
 from test_at_the_limit import spectral_rms
 from trackprofile import infer
 from trackprofile.assessment.compare import compare
@@ -110,7 +111,7 @@ def reached(sensors: Sequence[Sensor], length: float, draws: int) -> dict[Rail, 
     there = np.flatnonzero(np.any(waves[0] != 0.0, axis=1))
     H = np.zeros((len(omega), len(sensors), 2), complex)
     for some in np.array_split(there, max(1, len(there) // 2000)):
-        H[some] = response(VELARO, RigidTrack(), sensors, omega[some], SPEED)
+        H[some] = response(VELARO, RigidTrack(), sensors, floats(omega[some]), SPEED)
     rails, signals = np.empty((samples, 2, draws)), np.empty((samples, len(sensors), draws))
     for draw, one in enumerate(waves):
         rails[:, :, draw] = np.fft.irfft(one, whole, axis=0)[:samples]
@@ -197,8 +198,8 @@ def test_the_interval_of_each_rail_holds_it(place: str, capsys: pytest.CaptureFi
                 select_rail(found, rail), select_rail(truth, rail), from_m=200.0, to_m=length - 200.0, largest_lag=0.0
             ).bands  # fmt: skip
             inside += [
-                (rail, band, bands[band].coverage_95, bands[band].rms_error_mm, bands[band].stated_rms_mm)
-                for band in ("D1", "D2")
+                (rail, band, one.coverage_95, one.rms_error_mm, one.stated_rms_mm)
+                for band, one in ((name, not_none(bands[name])) for name in ("D1", "D2"))
             ]  # fmt: skip
     with capsys.disabled():
         print(f"\n{place}: inside 95 %, RMS error and stated standard deviation in mm")  # noqa: T201

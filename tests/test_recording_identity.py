@@ -240,7 +240,7 @@ def test_a_pass_is_one_entry_of_a_store_whatever_was_estimated(
 ) -> None:
     recording = read(run)
     profile = build_profile(np.arange(0.0, 380.0, 0.5), np.zeros(760), kind="point")
-    store = stores.create(run.parent / "store")
+    store = stores.create(str(run.parent / "store"))
     key = stores.PassKey("Main", "up", date(2026, 5, 31))
     results = []
     for level in (position_model.COMMON, 3.0):

@@ -15,6 +15,7 @@ from trackprofile.demo import simulated
 from trackprofile.inference.infer import estimate
 from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
+from trackprofile.models.receptance import point_track
 from trackprofile.reporting.result_files import write_estimate
 
 VELARO = read_vehicle("velaro")[0]
@@ -25,7 +26,7 @@ def recorded() -> xr.Dataset:
     """400 m of a bogie's acceleration and pitch rate."""
     return simulated(
         VELARO,
-        read_track("rigid"),
+        point_track(read_track("rigid")),
         read_sensors("bogie-25ug"),
         read_spectrum("german-low"),
         400.0,

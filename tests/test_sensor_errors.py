@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.signal import lsim, welch
 
 import trackprofile
+from narrowing import not_none
 from trackprofile.errors import DataError, FileError, ModelError, TrackprofileError, UnitError
 from trackprofile.io.model_toml import presets, read_instruments, read_sensors, read_vehicle
 from trackprofile.models.sensor import Sensor
@@ -171,7 +174,7 @@ def test_the_low_pass_follows_butterworth(frequency: float) -> None:
     )
     sampled = time[::50]
     settled = sampled > 0.2  # e^(-0.2 · 2π · 80/√2) = 1e-31
-    turn = np.exp(2j * np.pi * frequency * sampled[settled])
+    turn: NDArray[np.complex128] = np.exp(2j * np.pi * frequency * sampled[settled])
     in_phase, behind = np.linalg.lstsq(
         np.stack([turn.real, turn.imag], axis=1), found[settled], rcond=None
     )[0]
@@ -246,10 +249,10 @@ def test_a_density_at_zero_hertz_is_refused() -> None:
     ],
     ids=str,
 )
-def test_an_impossible_instrument_is_refused(wrong: dict[str, float]) -> None:
+def test_an_impossible_instrument_is_refused(wrong: dict[str, Any]) -> None:
     (name, value), *_ = wrong.items()
     with pytest.raises(ModelError, match=f"'floor' needs a.* {name}.*got {value}"):
-        Instrument(FLOOR, **wrong)
+        Instrument(FLOOR, **{name: value})
 
 
 # --- TOML ---------------------------------------------------------------------------------------
@@ -335,7 +338,9 @@ def test_flicker_of_the_parts_is_the_floor_of_their_allan_deviation() -> None:
     for name, bias, rate in (("bogie-ms1010-stim300", 15, 0.5), ("bogie-mti1", 30, 10)):
         acceleration, gyroscope = read_instruments(name)
         floor = math.sqrt(2 * math.log(2))
-        assert acceleration.sensor.flicker * floor == pytest.approx(bias * 1e-6 * G, rel=0.01)
-        assert gyroscope.sensor.flicker * floor == pytest.approx(
+        assert not_none(acceleration.sensor.flicker) * floor == pytest.approx(
+            bias * 1e-6 * G, rel=0.01
+        )
+        assert not_none(gyroscope.sensor.flicker) * floor == pytest.approx(
             math.radians(rate / 3600), rel=0.01
         )

@@ -12,6 +12,8 @@ import httpx
 import numpy as np
 import pytest
 
+from narrowing import not_none
+
 pytest.importorskip("fastapi")
 
 from dated_passes import (
@@ -149,7 +151,7 @@ def test_level_states_limits_and_stretches_not_assessed(
     client: httpx.Client, dated_store: Store
 ) -> None:
     strip = ask(client, "level", **LAST, band="D1")
-    heights = EN.defects_at("D1", SPEED).heights
+    heights = not_none(EN.defects_at("D1", SPEED)).heights
     assert [(one["action"], one["height_mm"]) for one in strip["limits"]] == [
         (action.words, pytest.approx(1e3 * heights[action])) for action in Action
     ]

@@ -347,9 +347,8 @@ def test_no_request_changes_the_store(dated_store: Store, client: httpx.Client) 
 @pytest.mark.parametrize("path", ["/", "/static/main.js", "/api/lines", "/none", "/api/level"])
 def test_every_answer_has_the_security_headers(client: httpx.Client, path: str) -> None:
     headers = client.get(path).headers
-    policy = dict(
-        part.strip().partition(" ")[::2] for part in headers["content-security-policy"].split(";")
-    )
+    parts = [one.strip().partition(" ") for one in headers["content-security-policy"].split(";")]
+    policy = {name: sources for name, _, sources in parts}
     assert policy["default-src"] == "'none'"
     assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
     assert policy["frame-ancestors"] == policy["base-uri"] == policy["form-action"] == "'none'"

@@ -107,11 +107,12 @@ def response_time(client: httpx.Client, wanted: list[tuple[str, dict[str, object
 
 def test_a_line_and_a_kilometre_open_fast_in_little_memory(served: Served) -> None:
     wholes, kilometres = [], []
+    where = {"line": "Line 1", "direction": "up", "day": served.day}
     with httpx.Client(base_url=served.address, timeout=60, trust_env=False) as client:
         client.get("/api/lines")
         used = served.processor_time()
         for line in range(LINES):
-            where = {"line": f"Line {line + 1}", "direction": "up", "day": served.day}
+            where["line"] = f"Line {line + 1}"
             wholes.append(response_time(client, view(where, 0.0, LENGTH)))
             for start in (20_000.0, 70_500.0):
                 kilometres.append(response_time(client, view(where, start - 500, start + 1500)))

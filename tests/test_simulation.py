@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from narrowing import floats
 from trackprofile.errors import ModelError
 from trackprofile.io.model_toml import read_track, read_vehicle
 from trackprofile.models.integrate import newmark
@@ -67,7 +68,7 @@ def whole_track_passage(name: str) -> Passage:
     """A passage over 150 m of track; every wheel stays at least 45 m from the ends."""
     schedule = SCHEDULES[name]
     steps = int(np.floor(schedule.duration(END - FIRST) / DT * (1 + 1e-12)))
-    motion = schedule.at(np.arange(steps + 1) * DT)
+    motion = schedule.at(floats(np.arange(steps + 1) * DT))
     motion[:, 0] += FIRST
     made = passage(
         VELARO,
@@ -211,7 +212,7 @@ def moving_force_error(step: float) -> float:
     made = simulate(
         probe(*places, load=P, at=2.0), winkler(RAIL_MASS, damping), Flat(), run, newmark(step)
     )
-    expected = -moving_winkler(2.0 - places, speed, RAIL_MASS, damping)
+    expected = -moving_winkler(floats(2.0 - places), speed, RAIL_MASS, damping)
     return float(np.abs(made.rail_deflection - expected).max() / np.abs(expected).max())
 
 
@@ -349,7 +350,9 @@ def test_wheel_on_a_rigid_path_at_varying_speed_has_the_acceleration_of_its_path
     made = simulate(
         VELARO, RigidTrack(), wave(7.0), RunSettings(60.0, 120.0, schedule, 20.0), newmark(1e-3)
     )
-    first = np.argmin(np.abs(schedule.at(np.arange(2000) * 1e-3)[:, 0] + 40.0 - made.position[0]))
+    first = np.argmin(
+        np.abs(schedule.at(floats(np.arange(2000) * 1e-3))[:, 0] + 40.0 - made.position[0])
+    )
     distance, v, a = schedule.at(made.time + first * 1e-3).T
     np.testing.assert_allclose(distance + 40.0, made.position, rtol=1e-12)
     for i, wheel in enumerate(VELARO.wheels):

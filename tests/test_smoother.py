@@ -23,6 +23,7 @@ from trackprofile.kalman.smoother import (
 from trackprofile.kalman.time_steps import DiscretisedRun, TimeSteps, discretise_run, time_steps
 from trackprofile.models.discretisation import generator_matrix
 from trackprofile.models.kinematics import Motion
+from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.spectrum import Spectrum, markov_process
 from trackprofile.models.statespace import StateSpace, state_space
@@ -62,7 +63,9 @@ def problem(
     track: Track, unmodelled: float, sensors: int, shift: float = 0.0, *, flicker: bool = False
 ) -> Problem:
     generator_ = np.random.default_rng(1)
-    system = state_space(cart(), track, (FLICKERING if flicker else SENSORS)[:sensors], unmodelled)
+    system = state_space(
+        cart(), point_track(track), (FLICKERING if flicker else SENSORS)[:sensors], unmodelled
+    )
     interval = generator_.uniform(0.004, 0.03, 50)
     interval[20] = 0.12
     time = np.cumsum(interval)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ from hypothesis import strategies as st
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.signal import butter, freqs
 
+from narrowing import not_none
 from trackprofile.errors import ModelError
 from trackprofile.io.model_toml import read_track, read_vehicle
 from trackprofile.kalman.transition_kernels import _evaluate
 from trackprofile.models.discretisation import generator_matrix, step_table
+from trackprofile.models.receptance import point_track
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor
 from trackprofile.models.statespace import (
     StateSpace,
@@ -84,7 +87,9 @@ def test_wheel_on_a_rigid_path_accelerates_as_its_path() -> None:
 
 
 def system() -> StateSpace:
-    return state_space(read_vehicle("velaro")[0], read_track("zhai"), ON_BOGIE, unmodelled=0.01)
+    return state_space(
+        read_vehicle("velaro")[0], point_track(read_track("zhai")), ON_BOGIE, unmodelled=0.01
+    )
 
 
 @given(st.floats(1e-5, 0.05))
@@ -145,8 +150,8 @@ def test_sensor_with_a_bandwidth_reads_behind_a_butterworth_low_pass() -> None:
         for ones in (sensors, behind)
     )
     for i, one in enumerate(behind):
-        b, a = butter(2, 2 * np.pi * one.bandwidth, analog=True)
-        _, low_pass = freqs(b, a, OMEGA * speed)
+        b, a = cast(Any, butter(2, 2 * np.pi * not_none(one.bandwidth), analog=True))
+        _, low_pass = freqs(b, a, cast(Any, OMEGA * speed))
         np.testing.assert_allclose(passed[:, i], low_pass * exact[:, i], rtol=1e-9)
 
 

@@ -18,6 +18,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from narrowing import not_none
 from network import SPEED, Network, fill
 from trackprofile import store as stores
 from trackprofile.assessment.assess import Assessment, assess
@@ -700,13 +701,15 @@ def test_duckdb_reads_the_files_directly(small: Store) -> None:
     import duckdb
 
     files = f"read_parquet('{small.url}/profiles/**/*.parquet', hive_partitioning = true)"
-    rows = duckdb.sql(f"SELECT line, count(*) FROM {files} GROUP BY line ORDER BY line").fetchall()
+    rows = not_none(
+        duckdb.sql(f"SELECT line, count(*) FROM {files} GROUP BY line ORDER BY line")
+    ).fetchall()
     assert rows == [("Line 1", 2 * 4802), ("Line 2", 2 * 4802)]
     entry = stores.find(small, line="Line 2")[0]
     names = ("distance_m", "elevation_m", "level_D2_m", "standard_deviation_D1_m", "quality")
     kept = stores.read_columns(small, entry, names)
-    other = duckdb.sql(
-        f"SELECT {', '.join(names)} FROM '{small.url}/{entry.path('profiles')}'"
+    other = not_none(
+        duckdb.sql(f"SELECT {', '.join(names)} FROM '{small.url}/{entry.path('profiles')}'")
     ).fetchnumpy()
     for name in names:
         read = (

@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 
 from full_track_recording import LAYERED, SAMPLING, STEP, VELARO
+from narrowing import floats, not_none
 from trackprofile import infer
 from trackprofile.assessment.alignment import align
 from trackprofile.assessment.assess import assess
@@ -90,7 +91,7 @@ def test_settlement_is_found_with_its_depth_and_place() -> None:
         found = trend([passing(0, seed=k), passing(30, 0.003, seed=50 + k)], bands=[D1])
         (place,) = found.places
         assert abs(place.peak - 1000.0) < 2.0
-        true = band_pass(Dip(0.003, 6.0, 1000.0).at(AT)[0], SPACING, D1)
+        true = band_pass(Dip(0.003, 6.0, 1000.0).at(floats(AT))[0], SPACING, D1)
         assert abs(place.change - true.min()) < 4 * place.deviation
         assert place.start < 1000.0 < place.end
 
@@ -121,15 +122,17 @@ def test_rate_and_date_of_a_limit_follow_a_settlement_that_goes_on() -> None:
     limits = read_limits("en-13848")
     found = trend(passes, limits, 140 * KM_H, bands=[D1])
     (place,) = found.places
-    depth = band_pass(Dip(1.0, 6.0, 1000.0).at(AT)[0], SPACING, D1).min()
+    depth = band_pass(Dip(1.0, 6.0, 1000.0).at(floats(AT))[0], SPACING, D1).min()
     assert place.per_day == pytest.approx(0.002 / 30 * depth, rel=0.02)
-    assert place.per_day_deviation < 0.01 * abs(place.per_day)
+    assert not_none(place.per_day_deviation) < 0.01 * abs(not_none(place.per_day))
     reached = {one.action: one for one in place.reached}
-    alert = limits.defects_at("D1", 140 * KM_H).heights[Action.ALERT]
-    days = (alert - abs(place.level)) / abs(place.per_day)
-    assert (reached[Action.ALERT].median - passes[-1].day).days == pytest.approx(days, abs=2)
-    assert reached[Action.ALERT].earliest <= reached[Action.ALERT].median
-    assert reached[Action.ALERT].median <= reached[Action.ALERT].latest
+    alert = not_none(limits.defects_at("D1", 140 * KM_H)).heights[Action.ALERT]
+    days = (alert - abs(place.level)) / abs(not_none(place.per_day))
+    assert (not_none(reached[Action.ALERT].median) - passes[-1].day).days == pytest.approx(
+        days, abs=2
+    )
+    assert not_none(reached[Action.ALERT].earliest) <= not_none(reached[Action.ALERT].median)
+    assert not_none(reached[Action.ALERT].median) <= not_none(reached[Action.ALERT].latest)
 
 
 def test_repeatability_is_told_apart_from_reproducibility() -> None:

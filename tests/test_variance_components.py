@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from narrowing import floats
 from trackprofile.fusion.variance_components import (
     PRIOR_COUNT,
     CovarianceCells,
@@ -42,7 +43,8 @@ def simulated_cells(
         covariance[row] = t @ t.T / count
     start = 250.0 * np.arange(stretches)
     return CovarianceCells(
-        covariance, precision, np.ones(stretches), np.full(stretches, float(count)), start, start + 250.0,
+        covariance, precision, np.ones(stretches), np.full(stretches, float(count)),
+        floats(start), floats(start + 250.0),
         np.zeros(stretches, int),
     )  # fmt: skip
 
@@ -62,7 +64,7 @@ def loss(cells: CovarianceCells, ratio: Array, shared: Array) -> float:
 
 
 def test_the_variances_of_passes_and_vehicles_are_estimated() -> None:
-    estimate = estimate_variance_components(simulated_cells(1), DAYS, VEHICLE, UNTIED)
+    estimate = estimate_variance_components(simulated_cells(1), floats(DAYS), VEHICLE, UNTIED)
     # With 1800 independent values a variance has a standard error of 3 %, a common error a little more.
     assert estimate.variance_ratio[:, 0] == pytest.approx(TRUE_RATIO, rel=0.15)
     assert estimate.vehicle_variance[1] == pytest.approx(3.0, rel=0.2)
@@ -85,13 +87,17 @@ def test_the_estimate_maximises_the_restricted_likelihood() -> None:
 
 
 def test_changing_track_does_not_enlarge_the_variance_of_a_pass() -> None:
-    estimate = estimate_variance_components(simulated_cells(3, change=400.0), DAYS, VEHICLE, UNTIED)
+    estimate = estimate_variance_components(
+        simulated_cells(3, change=400.0), floats(DAYS), VEHICLE, UNTIED
+    )
     assert estimate.variance_ratio[:, 0] == pytest.approx(TRUE_RATIO, rel=0.2)
     assert estimate.rate_variance[3] > 100 * np.delete(estimate.rate_variance, 3).max()
 
 
 def test_tied_vehicles_have_one_variance() -> None:
-    estimate = estimate_variance_components(simulated_cells(4), DAYS, VEHICLE, np.zeros(3, int))
+    estimate = estimate_variance_components(
+        simulated_cells(4), floats(DAYS), VEHICLE, np.zeros(3, int)
+    )
     assert estimate.vehicle_variance == pytest.approx(np.full(3, estimate.vehicle_variance[0]))
     assert 0.3 < estimate.vehicle_variance[0] < 3.0
 
@@ -99,7 +105,7 @@ def test_tied_vehicles_have_one_variance() -> None:
 def test_the_common_error_of_a_single_vehicle_is_not_estimated() -> None:
     estimate = estimate_variance_components(
         simulated_cells(5, shared=(0.0,), vehicle=np.zeros(N, int)),
-        DAYS,
+        floats(DAYS),
         np.zeros(N, int),
         np.zeros(0, int),
     )
@@ -110,7 +116,7 @@ def test_the_common_error_of_a_single_vehicle_is_not_estimated() -> None:
 def test_understated_errors_are_enlarged_on_a_short_line_too() -> None:
     estimate = estimate_variance_components(
         simulated_cells(6, ratio=np.full(N, 9.0), shared=(0.0,) * 3, count=8, stretches=1),
-        DAYS,
+        floats(DAYS),
         VEHICLE,
         UNTIED,
     )
@@ -122,7 +128,7 @@ def test_a_pass_without_data_has_the_typical_variance_ratio() -> None:
     precision = cells.precision.copy()
     precision[:, 2] = 0.0
     estimate = estimate_variance_components(
-        replace(cells, precision=precision), DAYS, VEHICLE, UNTIED
+        replace(cells, precision=precision), floats(DAYS), VEHICLE, UNTIED
     )
     assert estimate.counts[2, 0] == 0
     assert estimate.variance_ratio[2, 0] == pytest.approx(1.0, rel=0.2)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from narrowing import floats
 from trackprofile.contracts import Channel
 from trackprofile.models.sensor import Sensor
 from trackprofile.models.spectrum import Spectrum
@@ -50,7 +51,7 @@ def response(
     vehicle: Vehicle, track: RigidTrack | ElasticTrack, sensors: Sequence[Sensor], omega: Array, speed: float
 ) -> ComplexArray:  # fmt: skip
     """Of each sensor to a unit wave under the leading left and the leading right wheel, (waves, sensors, 2)."""
-    s = 1j * omega * speed
+    s = np.asarray(1j * omega * speed, np.complex128)
     M, C, K = _matrices(vehicle)
     dynamic = s[:, None, None] ** 2 * M + s[:, None, None] * C + K
     load = np.zeros((len(omega), len(M), 2), complex)
@@ -65,7 +66,7 @@ def response(
         for touch, side, under in touches:
             dynamic += contact[:, None, None] * np.outer(touch, touch)
             load[:, :, side] += (contact * under)[:, None] * touch
-        q = np.linalg.solve(dynamic, load)
+        q = np.asarray(np.linalg.solve(dynamic, load), np.complex128)
     else:
         q = _held(vehicle, dynamic, touches)
     return np.stack([_read(vehicle, one, s, q) for one in sensors], axis=1)
@@ -144,10 +145,10 @@ def ride(
     there = np.flatnonzero(np.any(waves != 0.0, axis=1))
     spectra = np.zeros((len(omega), len(sensors)), complex)
     for some in np.array_split(there, max(1, len(there) // 2000)):
-        H = response(vehicle, track, sensors, omega[some], speed)
+        H = response(vehicle, track, sensors, floats(omega[some]), speed)
         spectra[some] = np.einsum("wsr,wr->ws", H, waves[some])
     return Ridden(
-        between * np.arange(samples),
+        floats(between * np.arange(samples)),
         np.fft.irfft(waves, whole, axis=0)[:samples],
         np.fft.irfft(spectra, whole, axis=0)[:samples],
     )
@@ -164,7 +165,9 @@ def random_rails(
     parts = np.zeros((2, len(omega)), complex)
     for part, spectrum in zip(parts, (mean, cross_level), strict=True):
         turns = np.exp(2j * np.pi * generator.random(int(there.sum())))
-        part[there] = 0.5 * whole * np.sqrt(2 * spectrum.density(omega[there]) * omega[1]) * turns
+        part[there] = (
+            0.5 * whole * np.sqrt(2 * spectrum.density(floats(omega[there])) * omega[1]) * turns
+        )
     return np.stack([parts[0] + 0.5 * parts[1], parts[0] - 0.5 * parts[1]], axis=1)
 
 
