@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -344,7 +344,7 @@ def with_offset(table: LoggerTable) -> LoggerTable:
 def slow_gyroscope(table: LoggerTable) -> LoggerTable:
     columns = table.columns | {"slow_s": table.columns["time_s"]}
     first, *others = table.sensors
-    with_clock = tuple(SensorColumn(**(vars(one) | {"time": "slow_s"})) for one in others)
+    with_clock = tuple(replace(one, time="slow_s") for one in others)
     return LoggerTable(columns, (first, *with_clock), table.time_unit)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from narrowing import floats
 from trackprofile import store as stores
 from trackprofile.assessment.assess import assess
 from trackprofile.assessment.limits_toml import read_limits
@@ -177,7 +178,7 @@ def _random_signal(
     omega = 2 * np.pi * np.fft.rfftfreq(count, SPACING)
     omega[0] = omega[1]
     coefficients = np.fft.rfft(generator.standard_normal(count)) * np.sqrt(
-        density(omega).astype(np.float64)
+        density(floats(omega)).astype(np.float64)
     )
     coefficients[0] = 0.0
     signal = np.fft.irfft(coefficients, count)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 from hypothesis import given, settings
@@ -139,7 +140,8 @@ def test_jump_score_is_the_slope_of_the_log_likelihood_over_a_jump(case: Case) -
 @given(CASES)
 def test_log_likelihood_is_that_of_a_normal_distribution(case: Case) -> None:
     expected = sum(
-        multivariate_normal.logpdf(column, cov=case.covariance) for column in case.innovation.T
+        multivariate_normal.logpdf(column, cov=cast(Any, case.covariance))
+        for column in case.innovation.T
     )
     assert np.isclose(log_likelihood(case.chain, case.values, case.variance), expected)
 

@@ -32,7 +32,7 @@ def test_coarse_quantisation_is_detected_in_a_signal_that_was_rounded_again(
 ) -> None:
     signal = random_walk(2048)
     signal[start : start + 512] = step * np.round(signal[start : start + 512] / step)
-    detected = resolution(np.round(signal, 2))
+    detected = resolution(np.asarray(np.round(signal, 2), np.float64))
     core = slice(start + 128, start + 384)
     np.testing.assert_allclose(detected[core], step, atol=0.1 * step)
     np.testing.assert_allclose(detected[: start - 128], 0.01)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from narrowing import not_none
 from trackprofile.bands import D1, band_pass
 from trackprofile.errors import DataError
 from trackprofile.reporting.figures import (
@@ -68,7 +70,7 @@ REPRODUCED = {"a": 0.9 * a_recording()["a"].to_numpy(), "q": a_recording()["q"].
 
 
 def test_interactive_figure_has_a_panel_for_each_band_and_two_for_each_sensor():
-    figure = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
+    figure: Any = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
     names = [trace.name for trace in figure.data]
     assert names == [
         *["95 % interval", "elevation"] * 2,
@@ -86,7 +88,7 @@ def test_interactive_figure_has_a_panel_for_each_band_and_two_for_each_sensor():
 
 
 def test_static_figure_has_the_same_panels_as_the_interactive_one():
-    interactive = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
+    interactive: Any = interactive_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
     static = static_profile_figure(STATED, a_recording(), reproduced=REPRODUCED)
     titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in static.axes]
     assert titles == [note.text for note in interactive.layout.annotations]
@@ -94,17 +96,18 @@ def test_static_figure_has_the_same_panels_as_the_interactive_one():
 
 def test_interval_is_196_standard_deviations_to_each_side_in_millimetres():
     elevation, d1, d2 = profile_chart(STATED, None, None, {}).panels
-    half = (elevation.interval.high - elevation.interval.low) / 2
+    half = (not_none(elevation.interval).high - not_none(elevation.interval).low) / 2
     assert half == pytest.approx(1.96e3 * DEVIATION)
-    assert elevation.interval.low + half == pytest.approx(1e3 * LEVEL)
-    half = (d1.interval.high - d1.interval.low) / 2
+    assert not_none(elevation.interval).low + half == pytest.approx(1e3 * LEVEL)
+    half = (not_none(d1.interval).high - not_none(d1.interval).low) / 2
     assert half == pytest.approx(1.96e3 * DEVIATION / 5)
-    assert d1.interval.low + half == pytest.approx(1e3 * band_pass(LEVEL, 0.25, D1))
+    assert not_none(d1.interval).low + half == pytest.approx(1e3 * band_pass(LEVEL, 0.25, D1))
     assert d2.interval is None
 
 
 def test_interactive_figure_draws_the_interval_around_the_elevation():
-    interval, elevation = interactive_profile_figure(STATED).data[:2]
+    figure: Any = interactive_profile_figure(STATED)
+    interval, elevation = figure.data[:2]
     there, back = np.split(np.asarray(interval.y)[:-1], 2)
     assert back[::-1] - elevation.y == pytest.approx(1.96e3 * DEVIATION)
     assert elevation.y - there == pytest.approx(1.96e3 * DEVIATION)
@@ -137,7 +140,7 @@ def test_gaps_are_shaded_and_empty(kind):
     chart = profile_chart(profile, None, None, {})
     assert chart.gaps == ((100.0, 150.0),)
     assert np.isnan(chart.panels[0].lines[0].y[inside]).all()
-    figure = interactive_profile_figure(profile)
+    figure: Any = interactive_profile_figure(profile)
     assert {(shape.x0, shape.x1) for shape in figure.layout.shapes} == {(100.0, 150.0)}
     assert len(figure.layout.shapes) == len(chart.panels)
     drawn = np.asarray(figure.data[0].x)
@@ -172,7 +175,7 @@ def test_a_long_profile_is_decimated_and_the_note_says_so():
     distance = np.arange(0.0, 10_000.0, 0.25)
     level = np.sin(distance)
     level[12_345] = 5.0
-    figure = interactive_profile_figure(a_profile(distance, level))
+    figure: Any = interactive_profile_figure(a_profile(distance, level))
     assert all(len(trace.x) <= MAX_POINTS + 2 for trace in figure.data)
     assert max(figure.data[0].y) == pytest.approx(5e3)
     assert "extremes of 2000 segments" in figure.layout.title.subtitle.text

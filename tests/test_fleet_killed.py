@@ -67,8 +67,10 @@ class Cluster:
 
 
 def started(folder: Path, *command: str) -> subprocess.Popen[bytes]:
-    silent: dict[str, int] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen[bytes]([BIN / "dask", *command], cwd=folder, env=ENVIRONMENT, **silent)
+    return subprocess.Popen(
+        [BIN / "dask", *command], cwd=folder, env=ENVIRONMENT,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
 
 
 def free_port() -> int:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from narrowing import not_none
 from trackprofile.errors import DataError
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.positioning.locate import LocatedRun, locate
@@ -90,11 +91,11 @@ def test_wheel_slip_is_detected_and_does_not_increase_the_error() -> None:
 def test_outliers_of_fixes_are_marked_and_do_not_increase_the_error() -> None:
     run = train_run(1, 300.0)
     clean = sources(run, "goc", SensorErrors(outlier_share=0.0))
-    rows = np.flatnonzero(np.isfinite(clean.gnss.latitude))
+    rows = np.flatnonzero(np.isfinite(not_none(clean.gnss).latitude))
     shifted = rows[20:120:10]
-    latitude = clean.gnss.latitude.copy()
+    latitude = not_none(clean.gnss).latitude.copy()
     latitude[shifted] += 60.0 / 111e3
-    faulty = replace(clean, gnss=replace(clean.gnss, latitude=latitude))
+    faulty = replace(clean, gnss=replace(not_none(clean.gnss), latitude=latitude))
     before, after = evaluate(run, clean), evaluate(run, faulty)
     assert after.rms < 1.1 * before.rms + 0.05
     # Fixes with a large lateral offset are not used; those that are shifted along the line are marked.
@@ -126,12 +127,12 @@ def test_odometer_alone_counts_from_0_and_states_the_error_of_its_diameter() -> 
 def test_odometer_that_fails_while_the_train_runs_is_not_used() -> None:
     run = train_run(1, 300.0)
     recorded = sources(run, "goc", SensorErrors(tunnel=(0.0, 0.0)))
-    counted = recorded.odometry.distance.copy()
+    counted = not_none(recorded.odometry).distance.copy()
     failure = (run.time > 100.0) & (run.time < 140.0)
     lost = counted[failure][-1] - counted[failure][0]
     counted[failure] = counted[failure][0]
     counted[run.time >= 140.0] -= lost
-    odometry = replace(recorded.odometry, distance=counted)
+    odometry = replace(not_none(recorded.odometry), distance=counted)
     result = evaluate(run, replace(recorded, odometry=odometry))
     assert result.rms < 1.5
     assert result.coverage > 0.85
@@ -159,8 +160,8 @@ def test_chainage_table_determines_the_direction_from_whichever_end_it_counts() 
 def test_posts_determine_the_direction() -> None:
     run = train_run(1, 300.0)
     increasing = sources(run, "op", SMALL_ERRORS)
-    kilometre = 50.0 - increasing.posts.kilometre
-    decreasing = replace(increasing, posts=replace(increasing.posts, kilometre=kilometre))
+    kilometre = 50.0 - not_none(increasing.posts).kilometre
+    decreasing = replace(increasing, posts=replace(not_none(increasing.posts), kilometre=kilometre))
     located = [locate(recorded, run.time) for recorded in (increasing, decreasing)]
     assert [one.direction for one in located] == [WITH, AGAINST]
     np.testing.assert_allclose(located[1].distance + 50e3, located[0].distance, atol=1e-3)
@@ -180,8 +181,8 @@ def test_positions_do_not_depend_on_the_origins_of_distance_and_time(
     recorded = sources(run, "goc", SMALL_ERRORS)
     at, north, east = points(recorded.chainage)
     moved = Sources(
-        replace(recorded.gnss, time=run.time + delay),
-        replace(recorded.odometry, time=run.time + delay),
+        replace(not_none(recorded.gnss), time=run.time + delay),
+        replace(not_none(recorded.odometry), time=run.time + delay),
         chainage=ChainageTable(point_distance=at + shift, latitude=north, longitude=east),
     )
     original, shifted = locate(recorded, run.time), locate(moved, run.time + delay)
@@ -192,10 +193,10 @@ def test_positions_do_not_depend_on_the_origins_of_distance_and_time(
 def test_train_that_turns_is_refused() -> None:
     run = train_run(1, 300.0)
     recorded = sources(run, "goc", SMALL_ERRORS)
-    north, east = recorded.gnss.latitude, recorded.gnss.longitude
+    north, east = not_none(recorded.gnss).latitude, not_none(recorded.gnss).longitude
     half = len(north) // 2
     turning = replace(
-        recorded.gnss,
+        not_none(recorded.gnss),
         latitude=np.concatenate([north[:half], north[:half][::-1]]),
         longitude=np.concatenate([east[:half], east[:half][::-1]]),
     )
@@ -233,9 +234,9 @@ def test_post_whose_kilometre_occurs_twice_is_ignored() -> None:
 def test_wrong_post_is_detected_by_the_others() -> None:
     run = train_run(1, 600.0)
     recorded = sources(run, "op", SensorErrors(scale_variation=1e-4))
-    kilometre = recorded.posts.kilometre.copy()
+    kilometre = not_none(recorded.posts).kilometre.copy()
     kilometre[3] += 0.3
-    wrong = replace(recorded, posts=replace(recorded.posts, kilometre=kilometre))
+    wrong = replace(recorded, posts=replace(not_none(recorded.posts), kilometre=kilometre))
     correct, faulty = evaluate(run, recorded), evaluate(run, wrong)
     assert faulty.rms < correct.rms + 1.0
     assert np.count_nonzero(faulty.located.clock_fault & ClockFault.POSITION) == 1
@@ -323,7 +324,9 @@ def test_many_defective_columns_are_refused_or_located_without_a_crash() -> None
 def test_odometer_that_contradicts_the_fixes_is_refused() -> None:
     run = train_run(1, 120.0, stop=NO_STOP)
     recorded = sources(run, "go", SMALL_ERRORS)
-    in_feet = replace(recorded.odometry, distance=recorded.odometry.distance / 0.3048)
+    in_feet = replace(
+        not_none(recorded.odometry), distance=not_none(recorded.odometry).distance / 0.3048
+    )
     with pytest.raises(
         DataError,
         match=r"ran 2\.\d+ km by the GNSS fixes but [67]\.\d+ km by its odometer or speed",

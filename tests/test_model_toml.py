@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from narrowing import known
 from trackprofile.errors import FileError, ModelError, TrackprofileError, UnitError
 from trackprofile.io.model_toml import (
     check_vehicle_path,
@@ -280,11 +279,16 @@ def vehicles(draw: st.DrawFn) -> Vehicle:
 @st.composite
 def installations(draw: st.DrawFn) -> Installation:
     optional = st.none() | positive
-    numbers = ("noise_density", "bandwidth", "offset", "flicker")
     sensors = tuple(
         Sensor(
-            draw(text), quantity, draw(text), **known({name: draw(optional) for name in numbers})
-        )
+            draw(text),
+            quantity,
+            draw(text),
+            noise_density=draw(optional),
+            bandwidth=draw(optional),
+            offset=draw(optional),
+            flicker=draw(optional),
+        )  # fmt: skip
         for quantity in draw(st.lists(st.sampled_from(["vertical acceleration", "pitch rate"])))
     )
     return Installation(draw(distance), sensors, draw(optional))

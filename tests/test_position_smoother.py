@@ -137,9 +137,10 @@ def dense_estimate(
 ) -> tuple[Array, Array]:
     """Distance and its standard deviation at the nodes, m, by three Gauss-Newton iterations."""
     scale, speed = 1.0, np.full(len(nodes(observed)), 20.0)
-    for _ in range(3):
-        solution, covariance = dense_posterior(observed, prior, scale, speed)
+    solution, covariance = dense_posterior(observed, prior, scale, speed)
+    for _ in range(2):
         speed, scale = solution[:, 1], scale * np.exp(np.median(solution[:, 5]))
+        solution, covariance = dense_posterior(observed, prior, scale, speed)
     q = 7 * np.arange(len(solution))
     D = q + 4
     variance = covariance[q, q] + 2 * covariance[q, D] + covariance[D, D]

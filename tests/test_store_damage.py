@@ -302,7 +302,7 @@ def test_a_store_is_identical_after_twelve_kills(tmp_path: Path) -> None:
         for entry in entries:
             stores.read_profile(store, entry)
         if len(entries) == PASSES.passes:  # start again, so that every kill hits a writer
-            shutil.rmcontents(tmp_path / "killed")
+            shutil.rmtree(tmp_path / "killed")
             stores.create(str(tmp_path / "killed"))
     assert killed >= 10
     assert exit_codes_of_writers(tmp_path / "killed") == [0]

@@ -61,7 +61,7 @@ def test_an_envelope_reduces_all_points_of_each_bin(
     stored: tuple[Store, Entry], ends: list[float], width: int, column: str
 ) -> None:
     store, entry = stored
-    envelope = stores.envelope(store, entry, column, *ends, width)
+    envelope = stores.envelope(store, entry, column, ends[0], ends[1], width)
     assert envelope.low.size <= width
     value = "elevation_m" if column == "elevation" else f"level_{column}_m"
     deviation = (
