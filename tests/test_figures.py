@@ -263,10 +263,8 @@ def test_a_rigid_track_has_no_deflection_panel_and_lift_off_is_noted_with_the_fo
 
 def test_static_simulation_figure_has_the_same_panels_as_the_interactive_one():
     simulation = (a_profile(), a_recording(), a_run(), "A run")
-    interactive, static = (
-        interactive_simulation_figure(*simulation),
-        static_simulation_figure(*simulation),
-    )
+    interactive: Any = interactive_simulation_figure(*simulation)
+    static = static_simulation_figure(*simulation)
     titles = [f"<b>{a.get_title('left')}</b>   {a.get_title('right')}" for a in static.axes]
     assert titles == [note.text for note in interactive.layout.annotations]
     names = [trace.name for trace in interactive.data]

@@ -288,7 +288,7 @@ def installations(draw: st.DrawFn) -> Installation:
             bandwidth=draw(optional),
             offset=draw(optional),
             flicker=draw(optional),
-        )  # fmt: skip
+        )
         for quantity in draw(st.lists(st.sampled_from(["vertical acceleration", "pitch rate"])))
     )
     return Installation(draw(distance), sensors, draw(optional))

@@ -15,7 +15,7 @@ from trackprofile.inference.quality import reached
 from trackprofile.inference.settings import InferenceSettings
 from trackprofile.io.model_toml import read_sensors, read_spectrum, read_track, read_vehicle
 from trackprofile.models.receptance import point_track
-from trackprofile.preprocessing.fault_detectors import at_end_of_range
+from trackprofile.preprocessing.fault_detectors import saturated
 from trackprofile.preprocessing.motion import motion
 
 VELARO, ZHAI = read_vehicle("velaro")[0], point_track(read_track("zhai"))
@@ -65,7 +65,7 @@ def test_sensor_at_the_end_of_its_range_is_left_out_and_flagged(recording: xr.Da
     end = 0.7 * float(np.abs(channels(recording)[0].values).max())
     clipped = with_acceleration(recording, lambda at, values: np.clip(values, -end, end))
     values = channels(clipped)[0].values
-    beyond = at_end_of_range(values)
+    beyond = saturated(values)
     assert 3 <= beyond.sum() <= np.sum(np.abs(values) == end)
     at = motion(clipped).distance[beyond]
     places = flagged(clipped, Quality.SATURATED)
@@ -74,7 +74,7 @@ def test_sensor_at_the_end_of_its_range_is_left_out_and_flagged(recording: xr.Da
 
 def test_coarse_steps_are_no_end_of_a_range() -> None:
     slow = np.round(3.0 * np.sin(np.arange(4000) / 150.0)) / 3.0
-    assert not at_end_of_range(slow).any()
+    assert not saturated(slow).any()
 
 
 def test_a_sensor_feels_the_wheels_under_what_it_stands_on() -> None:

@@ -103,7 +103,7 @@ def identity(path: Path) -> str:
 @pytest.mark.parametrize(
     ("module", "name", "value"),
     [
-        (position_model, "COMMON", 3.0),
+        (position_model, "GNSS_BIAS_STD", 3.0),
         (position_smoother, "BEYOND", 2.0),
         (map_matching, "AROUND", 30),
         (locate, "WALKING", 2.0),
@@ -243,8 +243,8 @@ def test_a_pass_is_one_entry_of_a_store_whatever_was_estimated(
     store = stores.create(str(run.parent / "store"))
     key = stores.PassKey("Main", "up", date(2026, 5, 31))
     results = []
-    for level in (position_model.COMMON, 3.0):
-        monkeypatch.setattr(position_model, "COMMON", level)
+    for level in (position_model.GNSS_BIAS_STD, 3.0):
+        monkeypatch.setattr(position_model, "GNSS_BIAS_STD", level)
         origin = stores.Origin(recording_identity(read(run)))
         assessment = assess(profile, read_limits("en-13848"), 30.0)
         results.append(stores.add(store, key, profile, assessment, origin))
