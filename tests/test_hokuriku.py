@@ -69,7 +69,9 @@ def profile(folder: Path, calibration: Calibration) -> xr.Dataset:
 @pytest.fixture(scope="module")
 def judged(profile: xr.Dataset, level) -> dict[int, Comparison]:
     """By passes of the band filter."""
-    return {passes: compare(profile, level, filter_passes=passes, **JUDGED) for passes in (1, 2)}
+    return {
+        passes: compare(profile, level, forward_backward=passes == 2, **JUDGED) for passes in (1, 2)
+    }
 
 
 def test_calibration_finds_a_plausible_car(calibration: Calibration) -> None:

@@ -104,15 +104,16 @@ def identity(path: Path) -> str:
     ("module", "name", "value"),
     [
         (position_model, "GNSS_BIAS_STD", 3.0),
-        (position_smoother, "BEYOND", 2.0),
-        (map_matching, "AROUND", 30),
-        (locate, "WALKING", 2.0),
+        (position_smoother, "KEPT_OUTLIER_THRESHOLD", 2.0),
+        (map_matching, "MEDIAN_LENGTH", 31),
+        (locate, "WALKING_SPEED", 2.0),
     ],
 )
 def test_a_changed_positioning_constant_leaves_the_identity(
     run: Path, monkeypatch: pytest.MonkeyPatch, module: object, name: str, value: float
 ) -> None:
     before = read(run)
+    assert hasattr(module, name)
     for owner in (module, locate, position_smoother, map_matching):
         if hasattr(owner, name):
             monkeypatch.setattr(owner, name, value)
