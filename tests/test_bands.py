@@ -71,7 +71,7 @@ def test_gain_falls_by_24_db_an_octave_far_from_the_band(band):
 
 @pytest.mark.parametrize("band", BANDS)
 @pytest.mark.parametrize("wavelength", [2.0, 3.0, 10.0, 25.0, 40.0, 70.0, 120.0, 200.0, 300.0])
-def test_a_sine_keeps_its_phase_and_takes_the_analytic_gain(band, wavelength):
+def test_a_sine_keeps_its_phase_and_has_the_analytic_gain(band, wavelength):
     distance = np.arange(0.0, 4000.0, SPACING)
     wave = np.sin(2 * np.pi * distance / wavelength + 0.7)
     middle = slice(6000, 10000)
@@ -94,7 +94,7 @@ def test_filter_is_linear(one, other, band, seed):
     assert whole == pytest.approx(one * filtered[0] + other * filtered[1], abs=1e-10)
 
 
-def test_draws_are_filtered_each_for_itself_and_left_as_they_were():
+def test_samples_are_filtered_separately_and_not_modified():
     draws = np.random.default_rng(1).standard_normal((2, 3, 1000))
     before = draws.copy()
     together = band_pass(draws, SPACING, D2)
@@ -132,7 +132,7 @@ def test_d1_of_sampled_profiles_is_that_of_the_spectrum():
 
 
 @pytest.mark.parametrize("band", BANDS)
-def test_beyond_the_edge_distance_an_end_hardly_matters(band):
+def test_values_beyond_the_edge_distance_hardly_depend_on_the_end(band):
     whole = sampled_spectrum(2**15, 100)
     part = slice(10000, 16000)
     truth = band_pass(whole, SPACING, band)[:, part]
@@ -144,14 +144,14 @@ def test_beyond_the_edge_distance_an_end_hardly_matters(band):
     assert edge_distance(band) < 1.5 * band.longest
 
 
-def test_spline_carries_a_short_wave_to_other_places():
+def test_spline_interpolates_a_short_wave():
     distance = np.arange(0.0, 60.0, 0.5)
     places = np.arange(10.0, 50.0, 0.21)
     got = resample(distance, np.sin(2 * np.pi * distance / 3.0), places)
     assert got == pytest.approx(np.sin(2 * np.pi * places / 3.0), abs=5e-3)
 
 
-def test_spline_does_not_bridge_gaps_nor_reach_beyond_the_ends():
+def test_spline_does_not_interpolate_in_gaps_or_beyond_the_ends():
     distance = np.delete(np.arange(0.0, 60.0, 0.5), slice(40, 50))  # no rows from 20 to 24.5 m
     values = np.where((distance > 39) & (distance < 41), np.nan, 1.0)
     places = np.arange(-1.0, 62.0, 0.25)
@@ -160,7 +160,7 @@ def test_spline_does_not_bridge_gaps_nor_reach_beyond_the_ends():
     assert (np.isnan(resample(distance, values, places)) == unknown).all()
 
 
-def test_pieces_between_gaps_are_filtered_apart():
+def test_pieces_between_gaps_are_filtered_separately():
     values = np.random.default_rng(4).standard_normal(1000)
     values[300:310] = np.nan
     got = band_pass_pieces(values, SPACING, D1)

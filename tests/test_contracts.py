@@ -66,7 +66,7 @@ def test_every_variable_states_its_si_unit() -> None:
 
 
 @pytest.mark.parametrize("known", [("time", "speed"), ("distance", "speed"), ("time", "distance")])
-def test_two_of_time_distance_and_speed_say_how_the_train_moved(known: tuple[str, str]) -> None:
+def test_two_of_time_distance_and_speed_are_required(known: tuple[str, str]) -> None:
     moved: dict[str, Any] = {"time": RAMP, "distance": 20 * RAMP, "speed": STEADY}
     recording = build_recording([floor()], **{name: moved[name] for name in known})
     assert {name for name in moved if name in recording} == set(known)
@@ -75,7 +75,7 @@ def test_two_of_time_distance_and_speed_say_how_the_train_moved(known: tuple[str
             build_recording([floor()], **{alone: moved[alone]})
 
 
-def test_a_train_may_stand_where_time_tells_for_how_long() -> None:
+def test_speed_may_be_zero_in_a_recording_with_time() -> None:
     stop = np.array([5.0, 0.0, 0.0, 0.0, 5.0])
     metres = np.array([0.0, 5.0, 5.0, 5.0, 10.0])
     recording = build_recording([floor()], time=RAMP, distance=metres, speed=stop)
@@ -84,7 +84,7 @@ def test_a_train_may_stand_where_time_tells_for_how_long() -> None:
         build_recording([floor()], distance=RAMP, speed=stop)
 
 
-def test_a_train_may_creep_below_the_step_in_which_its_speed_was_recorded() -> None:
+def test_speed_below_the_recorded_step_may_be_zero() -> None:
     creep = np.array([3.0, 2.0, 0.0, 1.0, 2.0]) / 3.6
     recording = build_recording([floor()], distance=0.25 * np.arange(5), speed=creep)
     assert recording["speed"].to_numpy()[2] == 0.0
@@ -102,14 +102,14 @@ def test_a_train_may_creep_below_the_step_in_which_its_speed_was_recorded() -> N
         ({"distance": with_one(RAMP, 1, np.nan)}, "distance, data row 1"),
     ],
 )
-def test_a_row_that_cannot_be_is_named(changed: dict[str, np.ndarray], place: str) -> None:
+def test_an_impossible_row_is_named(changed: dict[str, np.ndarray], place: str) -> None:
     moved: dict[str, Any] = {"time": RAMP, "distance": RAMP, "speed": STEADY} | changed
     with pytest.raises(RowError) as caught:
         build_recording([floor()], **moved)
     assert str(caught.value).startswith(f"{place}: ")
 
 
-def test_distance_must_increase_where_there_is_no_time() -> None:
+def test_distance_must_increase_in_a_recording_without_time() -> None:
     twice = with_one(RAMP, 3, 1.0)
     build_recording([floor()], time=RAMP, distance=twice)
     with pytest.raises(RowError, match=r"distance, data row 3: .* 1 m follows 1 m"):
@@ -121,12 +121,12 @@ def test_distance_must_increase_where_there_is_no_time() -> None:
     [{"time": RAMP, "speed": 0 * RAMP}, {"time": RAMP, "distance": 0 * RAMP}],
     ids=["speed", "distance"],
 )
-def test_a_train_that_never_moved_is_refused(moved: dict[str, Any]) -> None:
+def test_a_recording_without_motion_is_refused(moved: dict[str, Any]) -> None:
     with pytest.raises(DataError, match="did not move"):
         build_recording([floor()], **moved)
 
 
-def test_a_missing_value_must_be_marked_and_may_then_stay() -> None:
+def test_a_missing_value_is_accepted_only_if_marked_invalid() -> None:
     holed = with_one(RAMP, 3, np.nan)
     with pytest.raises(RowError, match=r"floor, data row 3: .*mark such samples invalid"):
         build_recording([floor(values=holed)], time=RAMP, speed=STEADY)
@@ -136,7 +136,7 @@ def test_a_missing_value_must_be_marked_and_may_then_stay() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "message"),
     [
         ({"valid": np.zeros(5, bool)}, "no sample is marked valid"),
         ({"values": RAMP[:4]}, "array of 5 values"),
@@ -150,13 +150,15 @@ def test_a_missing_value_must_be_marked_and_may_then_stay() -> None:
         ({"name": "good_valid"}, "does not end in '_valid'"),
     ],
 )
-def test_a_channel_that_is_not_described_is_refused(changed: dict[str, Any], said: str) -> None:
-    with pytest.raises(DataError, match=said) as caught:
+def test_an_incompletely_described_channel_is_refused(
+    changed: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(DataError, match=message) as caught:
         build_recording([floor(**changed)], time=RAMP, speed=STEADY)
     assert changed.get("name", "floor") in str(caught.value)
 
 
-def test_a_recording_needs_a_channel_once_and_two_samples() -> None:
+def test_a_recording_needs_unique_channels_and_two_samples() -> None:
     with pytest.raises(DataError, match="at least one sensor channel"):
         build_recording([], time=RAMP, speed=STEADY)
     with pytest.raises(DataError, match="a unique name"):
@@ -165,7 +167,7 @@ def test_a_recording_needs_a_channel_once_and_two_samples() -> None:
         build_recording([floor(values=RAMP[:1])], time=RAMP[:1], speed=STEADY[:1])
 
 
-def test_a_profile_carries_its_uncertainty_and_flags() -> None:
+def test_a_profile_has_standard_deviations_and_flags() -> None:
     flags = np.array([Quality.EDGE, 0, Quality.SLOW | Quality.UNCERTAIN, 0, Quality.EDGE])
     profile = build_profile(
         RAMP,
@@ -184,7 +186,7 @@ def test_a_profile_carries_its_uncertainty_and_flags() -> None:
     np.testing.assert_array_equal(profile["quality"].attrs["flag_masks"], 2 ** np.arange(8))
 
 
-def test_an_elevation_may_be_missing_in_a_gap_only() -> None:
+def test_an_elevation_may_be_missing_only_in_a_gap() -> None:
     holed = with_one(RAMP, 4, np.nan)
     gap = np.where(np.isnan(holed), int(Quality.GAP), 0)
     profile = build_profile(RAMP, holed, kind="point", quality=gap)
@@ -196,7 +198,7 @@ def test_an_elevation_may_be_missing_in_a_gap_only() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "message"),
     [
         ({"distance": with_one(RAMP, 2, 0.0)}, "distance, data row 2"),
         ({"distance": with_one(RAMP, 2, np.nan)}, "distance, data row 2"),
@@ -208,13 +210,13 @@ def test_an_elevation_may_be_missing_in_a_gap_only() -> None:
         ({"elevation": RAMP[:3]}, "array of 5 values"),
     ],
 )
-def test_a_profile_that_contradicts_itself_is_refused(changed: dict[str, Any], said: str) -> None:
-    with pytest.raises(DataError, match=said):
+def test_an_inconsistent_profile_is_refused(changed: dict[str, Any], message: str) -> None:
+    with pytest.raises(DataError, match=message):
         build_profile(**({"distance": RAMP, "elevation": RAMP, "kind": "point"} | changed))
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "message"),
     [
         ({"rate_deviation_D1": [0.0, -1e-6]}, "rate_deviation_D1, data row 2: expected a finite"),
         ({"rate": [np.nan, 0.0]}, "rate, data row 1: expected a finite number"),
@@ -222,18 +224,18 @@ def test_a_profile_that_contradicts_itself_is_refused(changed: dict[str, Any], s
         ({"rate": None}, "expected both rate and rate_deviation"),
     ],
 )
-def test_a_rate_that_contradicts_itself_is_refused(changed: dict[str, Any], said: str) -> None:
+def test_an_inconsistent_rate_is_refused(changed: dict[str, Any], message: str) -> None:
     level = build_profile([0.0, 0.25], [1e-3, 2e-3], kind="point")
     line = with_rate(level, [0.0, -1e-5], [1e-6, 1e-6], {"D1": [1e-6, 1e-6]})
     for name, values in changed.items():
         line = line.drop_vars(name)
         if values is not None:
             line[name] = ("distance", values, {"units": "m/day"})
-    with pytest.raises(DataError, match=said):
+    with pytest.raises(DataError, match=message):
         validate(line)
 
 
-def test_one_contract_is_not_taken_for_the_other() -> None:
+def test_a_dataset_of_the_other_contract_is_refused() -> None:
     profile = build_profile(RAMP, RAMP, kind="truth")
     with pytest.raises(DataError, match=r"expected 'recording', got 'profile'"):
         validate_recording(profile)
@@ -255,20 +257,20 @@ def test_a_variable_in_another_unit_is_refused(wrong: dict[str, str]) -> None:
             validate_recording(changed)
 
 
-def test_provenance_grows_and_the_original_stays() -> None:
+def test_provenance_is_appended_without_changing_the_original() -> None:
     profile = build_profile(RAMP, RAMP, kind="truth", provenance=["levelled"])
     after = append_provenance(profile, "cut at 50 Ω")
     assert json.loads(after.attrs["provenance"]) == ["levelled", "cut at 50 Ω"]
     assert json.loads(profile.attrs["provenance"]) == ["levelled"]
 
 
-def test_a_stretch_keeps_its_place_and_says_so() -> None:
+def test_a_stretch_keeps_its_distance_and_is_recorded_in_the_provenance() -> None:
     profile = select_stretch(build_profile(RAMP, RAMP**2, kind="truth"), 1.0, 3.0)
     np.testing.assert_array_equal(profile["elevation"], [1.0, 4.0, 9.0])
     assert json.loads(profile.attrs["provenance"]) == ["between 1 m and 3 m"]
 
 
-def test_a_stretch_of_a_recording_in_time_is_found_by_how_far_the_train_ran() -> None:
+def test_a_stretch_of_a_recording_without_distance_uses_the_integrated_speed() -> None:
     speeding_up = 2.0 * RAMP  # distance t² m
     recording = build_recording([floor()], time=RAMP, speed=speeding_up)
     piece = select_stretch(recording, 3.5, None)
@@ -277,7 +279,7 @@ def test_a_stretch_of_a_recording_in_time_is_found_by_how_far_the_train_ran() ->
     assert select_stretch(recording, None, None) is recording
 
 
-def test_a_stretch_outside_the_data_is_refused_with_what_there_is() -> None:
+def test_a_stretch_outside_the_data_is_refused_with_the_extent_of_the_data() -> None:
     profile = build_profile(RAMP, RAMP, kind="truth")
     with pytest.raises(DataError, match="extends from 0 m to 4 m, choose a stretch inside"):
         select_stretch(profile, 10.0, None)

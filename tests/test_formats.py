@@ -69,14 +69,14 @@ def check(recording: xr.Dataset) -> None:
 
 @pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
-def test_csv_of_every_dialect_is_the_same_recording(
+def test_csv_in_every_dialect_gives_the_same_recording(
     tmp_path: Path, dialect: str, encoding: str
 ) -> None:
     (tmp_path / "run.txt").write_text(DIALECTS[dialect], encoding=encoding, newline="")
     check(read(explained(tmp_path, "run.txt")))
 
 
-def test_units_in_a_header_are_found(tmp_path: Path) -> None:
+def test_units_in_a_header_are_read(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t [s];v (km/h);Beschl. Böden [m/s²]\n0;1;2\n1;2;3\n", encoding="cp1252")
     found = find_dialect(path)
@@ -100,20 +100,20 @@ def test_csv_without_a_header_has_columns_by_number(tmp_path: Path) -> None:
         ("h:m:s", ["23:59:59.5", "00:00:00", "0:00:00.5"]),
     ],
 )
-def test_times_as_texts_are_read(tmp_path: Path, unit: str, stamps: list[str]) -> None:
+def test_timestamps_are_read(tmp_path: Path, unit: str, stamps: list[str]) -> None:
     rows = "".join(f"{stamp};36;0.1\n" for stamp in stamps)
     (tmp_path / "a.csv").write_text("t;v;a\n" + rows)
     time = read(explained(tmp_path, "a.csv", unit=unit))["time"].to_numpy()
     np.testing.assert_allclose(np.diff(time), 0.5, atol=1e-6)
 
 
-def test_time_that_is_no_time_is_refused_by_row(tmp_path: Path) -> None:
+def test_an_invalid_timestamp_is_refused_naming_the_row(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("t;v;a\n01.01.2024 00:00:00;36;1\nnoon;36;1\n")
     with pytest.raises(DataError, match=r"column .t., data row 2: expected a time as D\.M\.Y, got"):
         read(explained(tmp_path, "a.csv", unit="D.M.Y"))
 
 
-def test_matlab_and_hdf5_made_elsewhere_are_read(tmp_path: Path) -> None:
+def test_matlab_and_hdf5_written_elsewhere_are_read(tmp_path: Path) -> None:
     columns = {"t": TIME, "v": np.full(4, 36.0), "a": FLOOR}
     savemat(tmp_path / "a.mat", columns | {"car": {"mass": 1.0}, "names": ["a", "b"]})
     check(read(explained(tmp_path, "a.mat")))
@@ -126,7 +126,7 @@ def test_matlab_and_hdf5_made_elsewhere_are_read(tmp_path: Path) -> None:
         check(read(explained(tmp_path, name, time="run/t", speed="run/v", floor="run/a")))
 
 
-def test_a_small_file_that_claims_to_be_large_is_refused(tmp_path: Path) -> None:
+def test_a_small_file_that_states_a_large_content_is_refused(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         for key in "tva":
             file.create_dataset(key, shape=(10**12,), chunks=(10**6,), dtype=float)
@@ -134,7 +134,7 @@ def test_a_small_file_that_claims_to_be_large_is_refused(tmp_path: Path) -> None
         read(explained(tmp_path, "a.h5"))
 
 
-def test_clocks_of_their_own_are_brought_to_one(tmp_path: Path) -> None:
+def test_channels_with_separate_clocks_are_brought_to_one_clock(tmp_path: Path) -> None:
     fast, slow = np.arange(0, 2, 0.01), np.arange(0.005, 2, 0.1)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["t"], file["a"] = fast, np.sin(fast)
@@ -178,7 +178,7 @@ numbers = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
 @pytest.mark.parametrize("suffix", WRITABLE)
 @given(st.data())
-def test_columns_come_back_to_the_last_bit(suffix: str, data: st.DataObject) -> None:
+def test_columns_are_read_back_bit_for_bit(suffix: str, data: st.DataObject) -> None:
     count = data.draw(st.integers(2, 6))
     row = st.lists(numbers | st.just(float("nan")), min_size=count, max_size=count)
     columns = {
@@ -215,7 +215,7 @@ def test_a_recording_is_read_back_from_every_format(tmp_path: Path, suffix: str)
     xr.testing.assert_identical(back, expected)
 
 
-def test_name_that_matlab_cannot_have_is_refused_and_nothing_left(tmp_path: Path) -> None:
+def test_a_name_invalid_in_matlab_is_refused_and_no_file_remains(tmp_path: Path) -> None:
     floor = Channel("floor acc", FLOOR, "vertical acceleration", "body", 6.9)
     recording = build_recording([floor], time=TIME, speed=np.full(4, 10.0))
     with pytest.raises(DataError, match="a name in MATLAB has up to 31 letters"):
@@ -224,7 +224,7 @@ def test_name_that_matlab_cannot_have_is_refused_and_nothing_left(tmp_path: Path
 
 
 @pytest.mark.parametrize(("suffix", "library"), [(".mf4", "asammdf"), (".tdms", "nptdms")])
-def test_missing_library_is_named_with_how_to_get_it(
+def test_a_missing_library_is_named_with_its_installation_command(
     tmp_path: Path, suffix: str, library: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hidden = tmp_path / "hidden"
@@ -244,7 +244,7 @@ def test_missing_library_is_named_with_how_to_get_it(
 
 @pytest.mark.parametrize("suffix", LOGGER_SUFFIXES)
 @pytest.mark.parametrize("contents", [b"\x00\x9f\xff\x01" * 99, b"MDF     4.10", b"TDSm" * 20])
-def test_file_of_another_kind_is_refused_in_one_sentence(
+def test_a_file_of_another_format_is_refused_in_one_sentence(
     tmp_path: Path, suffix: str, contents: bytes
 ) -> None:
     (tmp_path / f"a{suffix}").write_bytes(contents)

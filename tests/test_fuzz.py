@@ -20,7 +20,7 @@ SECONDS = os.environ.get("FUZZ_SECONDS", "60")
 @pytest.mark.parametrize(
     "suffix", [".csv", ".parquet", ".nc", ".h5", ".mat", ".mf4", ".tdms", ".toml"]
 )
-def test_reader_refuses_damage_by_an_error_of_ours(tmp_path: Path, suffix: str) -> None:
+def test_damaged_file_raises_an_error_of_this_package(tmp_path: Path, suffix: str) -> None:
     time = np.arange(40) / 10.0
     floor = Channel("floor", np.sin(time), "vertical acceleration", "body", 0.0, 1e-3)
     rate = Channel("rate", np.cos(time), "pitch rate", "body", 0.0)

@@ -55,7 +55,9 @@ def logger(tmp_path: Path) -> Path:
         ("channel 7", "m/s^2", Role.VERTICAL, "body"),
     ],
 )
-def test_column_is_told_by_its_name_and_unit(name: str, unit: str, role: Role, body: str) -> None:
+def test_role_of_a_column_is_determined_by_name_and_unit(
+    name: str, unit: str, role: Role, body: str
+) -> None:
     found = guess(ColumnInfo(name, unit), np.arange(9.0))
     assert (found.role, found.body) == (role, body)
 
@@ -72,7 +74,9 @@ def test_column_is_told_by_its_name_and_unit(name: str, unit: str, role: Role, b
         ("acc left - right", 0.0),
     ],
 )
-def test_side_is_told_by_the_name(name: str, lateral: float, tmp_path: Path) -> None:
+def test_side_of_a_sensor_is_determined_by_the_name(
+    name: str, lateral: float, tmp_path: Path
+) -> None:
     assert guess(ColumnInfo(name, "m/s²"), np.arange(9.0)).lateral == lateral
     rows = "".join(f"{k},30,{k % 3}\n" for k in range(5))
     (tmp_path / "a.csv").write_text(f"t [s],v [m/s],{name} [m/s²]\n{rows}", encoding="utf-8")
@@ -81,21 +85,21 @@ def test_side_is_told_by_the_name(name: str, lateral: float, tmp_path: Path) -> 
     assert channels(found)[0].lateral == lateral
 
 
-def test_units_that_nobody_states_are_told_by_the_values() -> None:
+def test_unstated_units_are_determined_by_the_values() -> None:
     assert guess(ColumnInfo("acc"), np.array([0.99, 1.01])).unit == "g"
     assert guess(ColumnInfo("acc"), np.array([-9.9, -9.7])).unit == "m/s²"
     assert guess(ColumnInfo("speed"), np.array([0.0, 120.0])).unit == "km/h"
     assert not guess(ColumnInfo("speed"), np.array([0.0, 120.0])).sure
 
 
-def test_speeds_unit_is_told_by_distance_over_time(tmp_path: Path) -> None:
+def test_unit_of_speed_is_determined_by_distance_over_time(tmp_path: Path) -> None:
     rows = "".join(f"{k},{10 * k},36\n" for k in range(5))
     (tmp_path / "a.csv").write_text("t,distance_m,speed\n" + rows)
     (speed,) = (one for one in inspect(tmp_path / "a.csv").contents if one.heading.name == "speed")
     assert (speed.guess.unit, speed.guess.sure) == ("km/h", True)
 
 
-def test_what_is_written_for_a_loggers_file_reads_it(logger: Path, tmp_path: Path) -> None:
+def test_written_description_reads_the_file_of_the_logger(logger: Path, tmp_path: Path) -> None:
     found = inspect(logger)
     toml = write_toml(found, tmp_path / "run.toml")
     recording = read(toml)
@@ -112,7 +116,7 @@ def test_what_is_written_for_a_loggers_file_reads_it(logger: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".h5", ".mat", ".mf4", ".tdms"])
-def test_every_format_is_looked_into(tmp_path: Path, suffix: str) -> None:
+def test_every_format_is_inspected(tmp_path: Path, suffix: str) -> None:
     time = np.arange(200) / 100.0
     signal = np.sin(7 * time)
     signal[100:140] = signal[100]
@@ -128,7 +132,7 @@ def test_every_format_is_looked_into(tmp_path: Path, suffix: str) -> None:
     )
 
 
-def test_command_says_what_is_in_the_file(
+def test_command_lists_the_content_of_the_file(
     logger: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(logger.parent)
@@ -141,7 +145,7 @@ def test_command_says_what_is_in_the_file(
 
 
 @pytest.mark.parametrize("contents", [b"", b"\x00\x01" * 40, b"only words\nand more\n"])
-def test_what_holds_no_numbers_is_refused_in_one_sentence(
+def test_a_file_without_numbers_is_refused_in_one_sentence(
     tmp_path: Path, contents: bytes, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "a.csv").write_bytes(contents)

@@ -125,7 +125,9 @@ def there_and_back(dataset: xr.Dataset, name: str) -> xr.Dataset:
 
 @given(recordings())
 @pytest.mark.parametrize("name", ["run.nc", "run.toml", "run.csv", "run.parquet"])
-def test_a_recording_is_read_back_as_it_was_written(name: str, recording: xr.Dataset) -> None:
+def test_a_recording_is_read_back_unchanged_from_every_format(
+    name: str, recording: xr.Dataset
+) -> None:
     back = there_and_back(recording, name)
     if name != "run.nc":
         back = back.assign_attrs(provenance=recording.attrs["provenance"])
@@ -134,13 +136,13 @@ def test_a_recording_is_read_back_as_it_was_written(name: str, recording: xr.Dat
 
 
 @given(profiles())
-def test_a_profile_comes_back_from_netcdf_as_it_was(profile: xr.Dataset) -> None:
+def test_a_profile_is_read_back_from_netcdf_unchanged(profile: xr.Dataset) -> None:
     xr.testing.assert_identical(there_and_back(profile, "level.nc"), profile)
 
 
 @given(profiles())
 @pytest.mark.parametrize("name", ["level.csv", "level.parquet"])
-def test_a_profile_comes_back_from_a_table_but_for_what_was_said_about_it(
+def test_a_profile_is_read_back_from_a_table_without_its_attributes(
     name: str, profile: xr.Dataset
 ) -> None:
     back = there_and_back(profile, name)
@@ -156,7 +158,7 @@ def run(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("suffix", [".toml", ".csv"])
-def test_units_are_converted_once_at_the_door(run: Path, suffix: str) -> None:
+def test_units_are_converted_to_si_on_reading(run: Path, suffix: str) -> None:
     recording = read(run.with_suffix(suffix))
     np.testing.assert_allclose(recording["speed"], [10.0, 20.0, 10.0])
     (floor,) = channels(recording)
@@ -191,7 +193,7 @@ def refused(path: Path, error: type[TrackprofileError] = DataError) -> str:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("speed_km_h", "v", "column 'speed_km_h' is missing; the columns are distance_m, v, floor"),
         ("0.1,1", "nan,1", "column 'floor', data row 1: expected a finite number; mark"),
@@ -217,17 +219,17 @@ def refused(path: Path, error: type[TrackprofileError] = DataError) -> str:
         ("good", "floor", "column 'floor' occurs twice"),
     ],
 )
-def test_a_table_that_cannot_be_used_is_refused_by_column_and_row(
-    run: Path, old: str, new: str, said: str
+def test_an_unusable_table_is_refused_naming_column_and_row(
+    run: Path, old: str, new: str, message: str
 ) -> None:
     data = run.with_name("run.csv")
     data.write_text(CSV.replace(old, new, 1))
     sentence = refused(run)
     assert sentence.startswith(str(data))
-    assert said in sentence
+    assert message in sentence
 
 
-def test_time_that_runs_backwards_is_mended_and_said(run: Path) -> None:
+def test_decreasing_time_is_repaired_and_reported(run: Path) -> None:
     run.write_text(
         TOML.replace('distance = { column = "distance_m", unit = "m" }',
                      'time = { column = "distance_m", unit = "min" }'),
@@ -240,7 +242,7 @@ def test_time_that_runs_backwards_is_mended_and_said(run: Path) -> None:
     assert "repaired: the clock jumps once: jump removed" in recording.attrs["provenance"]
 
 
-def test_speed_that_is_missing_is_filled_and_said(run: Path) -> None:
+def test_missing_speed_is_filled_and_reported(run: Path) -> None:
     run.with_name("run.csv").write_text(CSV.replace("0.5,72", "0.5,"))
     recording = read(run)
     np.testing.assert_allclose(recording["speed"], [10.0, 10.0, 10.0], rtol=1e-5)
@@ -249,7 +251,7 @@ def test_speed_that_is_missing_is_filled_and_said(run: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "error", "said"),
+    ("old", "new", "error", "message"),
     [
         ('"km/h"', '"km"', UnitError, "column 'speed_km_h': Unit 'km' is not a unit of speed"),
         ('"g"', '"°/s"', UnitError, "column 'floor': Unit '°/s' is not a unit of acceleration"),
@@ -282,17 +284,17 @@ def test_speed_that_is_missing_is_filled_and_said(run: Path) -> None:
         ("run.csv", "away.csv", FileError, "does not exist; correct the key 'data'"),
     ],
 )
-def test_an_explanation_that_is_wrong_is_refused_by_key(
-    run: Path, old: str, new: str, error: type[TrackprofileError], said: str
+def test_a_wrong_description_is_refused_naming_the_key(
+    run: Path, old: str, new: str, error: type[TrackprofileError], message: str
 ) -> None:
     run.write_text(TOML.replace(old, new, 1), encoding="utf-8")
     sentence = refused(run, error)
     assert sentence.startswith(str(run))
-    assert said in sentence
+    assert message in sentence
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("distance_m", "metres", "column 'distance_m' is missing"),
         ("\n1,", "\n0,", "column 'distance_m', data row 2: distance does not increase"),
@@ -301,25 +303,23 @@ def test_an_explanation_that_is_wrong_is_refused_by_key(
         ("1,0.002,0.0001\n", "1,0.0", "data row 2: expected 3 values, got 2"),
     ],
 )
-def test_a_profile_that_cannot_be_used_is_refused(
-    tmp_path: Path, old: str, new: str, said: str
-) -> None:
+def test_an_unusable_profile_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
     path = tmp_path / "level.csv"
     path.write_text(PROFILE.replace(old, new, 1))
     sentence = refused(path)
     assert sentence.startswith(str(path))
-    assert said in sentence
+    assert message in sentence
 
 
-def test_a_quality_that_is_no_flag_is_refused(tmp_path: Path) -> None:
+def test_a_quality_that_is_not_a_sum_of_flags_is_refused(tmp_path: Path) -> None:
     (tmp_path / "level.csv").write_text("distance_m,elevation_m,quality\n0,0,0\n1,0,256\n")
-    said = "column 'quality', data row 2: expected a sum of flags, 0 to 255, got 256"
-    assert said in refused(tmp_path / "level.csv")
+    message = "column 'quality', data row 2: expected a sum of flags, 0 to 255, got 256"
+    assert message in refused(tmp_path / "level.csv")
 
 
 @pytest.mark.parametrize("name", ["a.nc", "a.csv", "a.parquet", "a.toml"])
 @pytest.mark.parametrize("contents", [b"", b"\x00\x9f\xff\x01" * 99, b"\x89HDF\r\n\x1a\n\x00\x00"])
-def test_a_file_that_is_not_what_it_seems_is_refused(
+def test_a_file_with_other_content_than_its_suffix_is_refused(
     tmp_path: Path, name: str, contents: bytes
 ) -> None:
     (tmp_path / name).write_bytes(contents)
@@ -328,7 +328,7 @@ def test_a_file_that_is_not_what_it_seems_is_refused(
 
 @pytest.mark.parametrize("name", ["run.nc", "run.parquet"])
 @pytest.mark.parametrize("kept", [0.3, 0.6, 0.99])
-def test_a_file_cut_short_is_refused(tmp_path: Path, name: str, kept: float) -> None:
+def test_a_truncated_file_is_refused(tmp_path: Path, name: str, kept: float) -> None:
     time = np.arange(1000.0)
     floor = Channel("floor", np.sin(time), "vertical acceleration", "body", 0.0)
     path = write(build_recording([floor], time=time, speed=time + 1), tmp_path / name)[0]
@@ -358,7 +358,7 @@ def test_a_damaged_file_is_read_or_refused_in_one_sentence(name: str, data: st.D
 
 
 @pytest.mark.parametrize(
-    ("variable", "attribute", "value", "said"),
+    ("variable", "attribute", "value", "message"),
     [
         ("floor", "position", "middle", "its position on it"),
         ("floor", "position", [1.0, 2.0], "its position on it"),
@@ -372,18 +372,18 @@ def test_a_damaged_file_is_read_or_refused_in_one_sentence(name: str, data: st.D
         (None, "provenance", "by hand", "list of texts in JSON, got 'by hand'"),
     ],
 )
-def test_netcdf_made_by_another_hand_is_checked(
-    tmp_path: Path, variable: str | None, attribute: str, value: object, said: str
+def test_netcdf_written_elsewhere_is_validated(
+    tmp_path: Path, variable: str | None, attribute: str, value: object, message: str
 ) -> None:
     floor = Channel("floor", np.ones(3), "vertical acceleration", "body", 0.0)
     recording = build_recording([floor], time=np.arange(3.0), speed=np.ones(3))
     (recording if variable is None else recording[variable]).attrs[attribute] = value
     recording.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
-    assert re.search(said, refused(tmp_path / "run.nc"))
+    assert re.search(message, refused(tmp_path / "run.nc"))
 
 
 @pytest.mark.parametrize("name", ["time", "floor", "floor_valid"])
-def test_text_in_the_place_of_numbers_is_refused(tmp_path: Path, name: str) -> None:
+def test_text_instead_of_numbers_is_refused(tmp_path: Path, name: str) -> None:
     floor = Channel("floor", np.ones(3), "vertical acceleration", "body", 0.0)
     recording = build_recording([floor], time=np.arange(3.0), speed=np.ones(3))
     text = recording[name].astype(object)
@@ -392,14 +392,14 @@ def test_text_in_the_place_of_numbers_is_refused(tmp_path: Path, name: str) -> N
     assert f"{name}: expected one" in refused(tmp_path / "run.nc")
 
 
-def test_what_cannot_be_a_file_of_ours_is_refused_with_what_could(tmp_path: Path) -> None:
+def test_an_unknown_file_is_refused_with_the_accepted_formats(tmp_path: Path) -> None:
     (tmp_path / "plain.csv").write_text("a,b\n1,2\n")
     assert "expected a profile as a table" in refused(tmp_path / "plain.csv", FileError)
     assert "the file does not exist" in refused(tmp_path / "none.nc", FileError)
     assert "ends in .nc, .csv, .parquet, .toml" in refused(tmp_path / "run.xlsx", FileError)
 
 
-def test_a_table_is_not_read_by_the_explanation_of_another(run: Path) -> None:
+def test_a_table_is_not_read_with_the_description_of_another(run: Path) -> None:
     run.write_text(TOML.replace("run.csv", "other.csv"), encoding="utf-8")
     run.with_name("other.csv").write_text(CSV)
     assert "run.toml in the same folder describes other.csv" in refused(
@@ -411,7 +411,7 @@ def level() -> xr.Dataset:
     return build_profile([0.0, 1.0], [0.0, 0.001], kind="truth")
 
 
-def test_writing_is_refused_before_anything_is_touched(tmp_path: Path) -> None:
+def test_writing_is_refused_before_any_file_changes(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"a profile is written to .* \.nc, \.csv, \.parquet;"):
         write(level(), tmp_path / "level.toml")
     with pytest.raises(FileError, match="does not exist; create it first"):
@@ -436,7 +436,7 @@ def test_a_file_that_was_not_named_is_not_replaced(run: Path) -> None:
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, MemoryError, OSError])
-def test_a_failure_leaves_what_was_there_and_no_more(
+def test_a_failed_write_leaves_the_existing_file_unchanged(
     tmp_path: Path, stop: type[BaseException]
 ) -> None:
     first, second = tmp_path / "first.txt", tmp_path / "second.txt"
@@ -454,7 +454,7 @@ def test_a_failure_leaves_what_was_there_and_no_more(
     assert os.listdir(tmp_path) == ["first.txt"]
 
 
-def test_files_appear_together_and_only_at_the_end(tmp_path: Path) -> None:
+def test_files_get_their_names_together_at_the_end(tmp_path: Path) -> None:
     with whole_files(tmp_path / "a.csv", tmp_path / "b.png") as files:
         for file in files:
             file.write_text("whole")
@@ -463,7 +463,7 @@ def test_files_appear_together_and_only_at_the_end(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path)) == ["a.csv", "b.png"]
 
 
-def test_a_sensors_own_filter_comes_back_from_toml_and_netcdf(tmp_path: Path) -> None:
+def test_sensor_bandwidth_is_read_back_from_toml_and_netcdf(tmp_path: Path) -> None:
     floor = Channel("floor", np.zeros(3), "vertical acceleration", "body", 6.9, bandwidth=10.0)
     recording = build_recording([floor], time=[0.0, 0.1, 0.2], speed=[20.0, 20.0, 20.0])
     for name in ("run.toml", "run.nc"):

@@ -75,7 +75,7 @@ def put(folder: Path, text: str) -> Path:
 # --- presets ------------------------------------------------------------------------------------
 
 
-def test_the_quarter_car_is_that_of_the_papers_table_1() -> None:
+def test_quarter_car_has_the_parameters_of_table_1_of_the_paper() -> None:
     assert parameter_values(read_vehicle("quarter-car")[0]) == {
         "body mass": 7900.0,
         "bogie mass": 512.5,
@@ -86,7 +86,7 @@ def test_the_quarter_car_is_that_of_the_papers_table_1() -> None:
     }
 
 
-def test_the_velaro_is_that_of_the_papers_table_2() -> None:
+def test_velaro_has_the_parameters_of_table_2_of_the_paper() -> None:
     vehicle, installation = read_vehicle("velaro")
     of_roll = {one.name for one in vehicle.parameters if one.used_by[0][1] in ROLL_FIELDS}
     values = parameter_values(vehicle)
@@ -110,7 +110,7 @@ def test_the_velaro_is_that_of_the_papers_table_2() -> None:
 
 
 @pytest.mark.parametrize("vehicle", [read_vehicle("velaro")[0], read_vehicle(EXAMPLE)[0]])
-def test_each_spring_of_a_car_stands_where_its_ends_do(vehicle: Vehicle) -> None:
+def test_springs_connect_parts_at_the_same_position(vehicle: Vehicle) -> None:
     places = {part.name: part.position for part in (*vehicle.bodies, *vehicle.wheels)}
     for link in vehicle.links:
         end = link.lower  # a bogie below the body, a wheel below a bogie
@@ -119,7 +119,7 @@ def test_each_spring_of_a_car_stands_where_its_ends_do(vehicle: Vehicle) -> None
     assert sum(centres) / 2 == pytest.approx(places["body"], rel=1e-15)
 
 
-def test_the_example_car_has_the_measured_distances_and_says_what_is_only_typical() -> None:
+def test_example_car_has_the_measured_distances_and_marks_typical_values() -> None:
     vehicle, _ = read_vehicle(EXAMPLE)
     first, second, third, _ = (wheel.position for wheel in vehicle.wheels)
     assert (second - first, third - first) == (2.1, 13.8)
@@ -203,7 +203,7 @@ def test_a_power_law_is_read_in_si(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_power_law_that_cannot_be_is_refused_with_its_file(
+def test_an_impossible_power_law_is_refused_naming_the_file(
     tmp_path: Path, old: str, new: str, kind: type[TrackprofileError], words: tuple[str, ...]
 ) -> None:
     assert old in LAW
@@ -216,7 +216,7 @@ def test_a_power_law_that_cannot_be_is_refused_with_its_file(
     assert all(word in message for word in words), message
 
 
-def test_a_power_law_is_refused_as_a_prior_with_its_file(tmp_path: Path) -> None:
+def test_a_power_law_is_refused_as_prior_naming_the_file(tmp_path: Path) -> None:
     path = put(tmp_path, LAW)
     with pytest.raises(ModelError, match="cannot be a prior") as caught:
         read_spectrum(path)
@@ -295,7 +295,7 @@ def installations(draw: st.DrawFn) -> Installation:
 
 
 @given(vehicles(), installations())
-def test_a_vehicle_comes_back_exactly_as_it_was_written(
+def test_a_vehicle_is_read_back_exactly(
     tmp_path_factory: pytest.TempPathFactory, vehicle: Vehicle, installation: Installation
 ) -> None:
     path = tmp_path_factory.mktemp("round") / "vehicle.toml"
@@ -303,7 +303,7 @@ def test_a_vehicle_comes_back_exactly_as_it_was_written(
     assert read_vehicle(path) == (vehicle, installation)
 
 
-def test_a_changed_parameter_is_written_once_and_read_into_all_that_share_it(
+def test_a_shared_parameter_is_written_once_and_read_into_all_parts(
     tmp_path: Path,
 ) -> None:
     vehicle = with_parameters(read_vehicle("velaro")[0], {"primary stiffness": 1.234567e6})
@@ -313,7 +313,7 @@ def test_a_changed_parameter_is_written_once_and_read_into_all_that_share_it(
     assert (tmp_path / "v.toml").read_text().count("1234567.0") == 1
 
 
-def test_a_calibration_is_kept_and_says_so_of_what_it_found(tmp_path: Path) -> None:
+def test_a_calibration_is_kept_and_marks_its_parameters(tmp_path: Path) -> None:
     calibration = {
         "parameters": {"body mass": {"value": 47_800.0, "standard_error": 12.5}},
         "correlation": [[1.0, -0.25], [-0.25, 1.0]],
@@ -340,14 +340,14 @@ value = st.recursive(
 
 
 @given(st.dictionaries(key, value, max_size=4))
-def test_any_document_is_read_back_as_it_was(table: dict[str, object]) -> None:
+def test_any_document_is_read_back_unchanged(table: dict[str, object]) -> None:
     assert tomllib.loads(toml_text(table)) == table
 
 
 # --- bad input ----------------------------------------------------------------------------------
 
 
-def test_units_are_converted_at_the_door(tmp_path: Path) -> None:
+def test_units_of_parameters_are_converted_on_reading(tmp_path: Path) -> None:
     assert read_vehicle(put(tmp_path, CART))[0].body("body").mass == 2000.0
     track = read_track(put(tmp_path, TRACK))
     assert isinstance(track, ElasticTrack)
@@ -371,7 +371,7 @@ def test_units_are_converted_at_the_door(tmp_path: Path) -> None:
         ('name = "cart"', "", FileError, ("'name' is missing",)),
     ],
 )
-def test_a_vehicle_that_cannot_be_is_refused_with_its_file(
+def test_an_impossible_vehicle_is_refused_naming_the_file(
     tmp_path: Path, old: str, new: str, kind: type[TrackprofileError], words: tuple[str, ...]
 ) -> None:
     assert old in CART
@@ -404,7 +404,7 @@ def test_an_unknown_name_is_refused_with_the_presets(read, preset) -> None:
         read("nowhere")
 
 
-def test_a_vehicle_replaces_no_other_file(tmp_path: Path) -> None:
+def test_writing_a_vehicle_does_not_replace_another_file(tmp_path: Path) -> None:
     path = put(tmp_path, TRACK)
     with pytest.raises(FileError, match="is not a vehicle"):
         write_vehicle(*read_vehicle("velaro"), path)

@@ -59,7 +59,7 @@ def tried(folder: Path, what: str, *names: str) -> dict[str, np.ndarray]:
     return subprocess_reader.columns_in_subprocess(file, "behaving", names)
 
 
-def test_columns_come_back_to_the_last_bit(tmp_path: Path) -> None:
+def test_columns_are_read_back_bit_for_bit(tmp_path: Path) -> None:
     found = tried(tmp_path, "good", "long", "none", "odd", "as well")
     assert list(found) == ["long", "none", "odd", "as well"]
     np.testing.assert_array_equal(found["long"], np.arange(300_000.0))
@@ -69,19 +69,19 @@ def test_columns_come_back_to_the_last_bit(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["odd"].view(np.uint64), odd.view(np.uint64))
 
 
-def test_headings_come_back_as_they_were(tmp_path: Path) -> None:
+def test_column_information_is_returned_unchanged(tmp_path: Path) -> None:
     assert subprocess_reader.headings_in_subprocess(tmp_path, "behaving") == (
         ColumnInfo("a", "m", 3, "t"),
     )
 
 
-def test_a_reader_that_an_earlier_file_has_harmed_is_replaced(tmp_path: Path) -> None:
+def test_a_worker_damaged_by_an_earlier_file_is_replaced(tmp_path: Path) -> None:
     tried(tmp_path, "good")
     assert list(tried(tmp_path, "crash once", "odd")) == ["odd"]
 
 
 @pytest.mark.parametrize("what", ["crash", "fill"])
-def test_a_file_that_kills_its_reader_is_refused_and_the_next_one_read(
+def test_a_file_that_crashes_the_worker_is_refused_and_the_next_one_read(
     what: str, tmp_path: Path
 ) -> None:
     tried(tmp_path, "good")
@@ -90,9 +90,7 @@ def test_a_file_that_kills_its_reader_is_refused_and_the_next_one_read(
     tried(tmp_path, "good")
 
 
-def test_a_file_that_never_ends_is_given_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_reading_stops_at_the_time_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried(tmp_path, "good")
     monkeypatch.setattr(subprocess_reader, "TIME_LIMIT", 0.5)
     started = time.monotonic()
@@ -101,7 +99,7 @@ def test_a_file_that_never_ends_is_given_up(
     assert time.monotonic() - started < 10.0
 
 
-def test_what_the_reader_refuses_is_said_here(tmp_path: Path) -> None:
+def test_errors_of_the_worker_are_raised_in_this_process(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="no rows of numbers; choose another file"):
         tried(tmp_path, "refuse")
     with pytest.raises(DataError, match="column 'a' does not hold numbers"):

@@ -69,7 +69,9 @@ def test_conversion_is_linear(unit: tuple[str, str], values: list[float], factor
     ("unit", "dimension"),
     [("kg", "length"), ("km/h", "acceleration"), ("", "time"), ("M", "length"), ("mG", "speed")],
 )
-def test_a_unit_that_does_not_fit_is_refused_with_those_that_do(unit: str, dimension: str) -> None:
+def test_a_unit_of_another_dimension_is_refused_with_the_accepted_units(
+    unit: str, dimension: str
+) -> None:
     with pytest.raises(UnitError) as caught:
         to_si(1.0, unit, dimension)
     assert isinstance(caught.value, DataError)
@@ -80,7 +82,7 @@ def test_a_unit_that_does_not_fit_is_refused_with_those_that_do(unit: str, dimen
 
 
 @given(st.sampled_from(sorted(FACTORS)))
-def test_the_si_unit_of_a_dimension_is_worth_one(dimension: str) -> None:
+def test_the_si_unit_of_a_dimension_has_the_factor_one(dimension: str) -> None:
     assert unit_factor(si_unit(dimension), dimension) == 1.0
 
 
@@ -90,6 +92,6 @@ def test_a_quantity_is_a_number_and_its_unit(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["90", "km/h", "", "9.0.0 km/h", "1e999 km/h", "nan km/h"])
-def test_what_is_no_quantity_is_refused_with_the_units_there_are(text: str) -> None:
+def test_text_without_a_quantity_is_refused_with_the_accepted_units(text: str) -> None:
     with pytest.raises(UnitError, match="km/h"):
         quantity(text, "speed")
