@@ -507,7 +507,7 @@ FAULTS: tuple[InjectedFault, ...] = (
         "dead channel",
         dead_channel,
         frozenset({K.STUCK}),
-        note="(stuck): it is not used",
+        note="none of its samples is usable (stuck)",
         everywhere=True,
     ),
     InjectedFault(
