@@ -93,7 +93,7 @@ def test_truth_may_not_take_a_name_of_the_recording(
 ) -> None:
     places = ("-o", tmp_path / output, "--truth", f"{tmp_path}/{truth}")
     assert run("simulate", "bell-model-a", *places) == 1
-    assert "give the truth another" in capsys.readouterr().err
+    assert "choose another for the truth" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

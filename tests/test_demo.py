@@ -17,30 +17,30 @@ from trackprofile.models.spectrum import Spectrum
 from trackprofile.models.statespace import state_space, transfer_function
 from trackprofile.models.track import RigidTrack
 
-WIDE = Sensor("a", "vertical acceleration", "body", 2.0, noise_density=1e-9)
+BODY_SENSOR = Sensor("a", "vertical acceleration", "body", 2.0, noise_density=1e-9)
 
 
-def drawn(seed: int, length: float = 300.0) -> tuple[xr.Dataset, xr.Dataset]:
+def simulate_demo(seed: int, length: float = 300.0) -> tuple[xr.Dataset, xr.Dataset]:
     vehicle, _ = read_vehicle("velaro")
     return simulated(
         vehicle, RigidTrack(), read_sensors("bogie-25ug"), read_spectrum("fra-6"), length, seed
     )
 
 
-def test_a_seed_gives_the_same_recording_again_and_another_one_another() -> None:
-    first, again, other = drawn(1)[0], drawn(1)[0], drawn(2)[0]
+def test_the_same_seed_gives_the_same_recording() -> None:
+    first, again, other = simulate_demo(1)[0], simulate_demo(1)[0], simulate_demo(2)[0]
     assert first.identical(again)
     assert not np.allclose(first["bogie_pitch_rate"], other["bogie_pitch_rate"])
 
 
-def test_the_recording_says_that_no_train_measured_it() -> None:
-    recording, truth = drawn(1)
+def test_the_recording_states_that_it_is_simulated() -> None:
+    recording, truth = simulate_demo(1)
     assert "simulated" in recording.attrs["source"]
     assert truth.attrs["kind"] == "truth"
 
 
 def test_position_is_the_integral_of_speed() -> None:
-    recording, _ = drawn(1)
+    recording, _ = simulate_demo(1)
     time, speed = recording["time"].to_numpy(), recording["speed"].to_numpy()
     np.testing.assert_allclose(np.diff(time), 1 / SAMPLING, rtol=1e-9)
     assert time[0] == 0.0
@@ -49,13 +49,13 @@ def test_position_is_the_integral_of_speed() -> None:
     assert 20.0 <= speed.min() < speed.max() <= 40.0
 
 
-def test_a_body_rides_smoother_than_its_track() -> None:
-    """The RMS of the floor's acceleration is that of the transfer function, speed nearly steady."""
+def test_body_acceleration_agrees_with_the_transfer_function() -> None:
+    """The RMS of the body's acceleration is between those of the transfer functions of the speeds."""
     vehicle, _ = read_vehicle("velaro")
     spectrum = Spectrum("short waves", 1e-6, 0.2, 0.5)
-    recording, _ = simulated(vehicle, RigidTrack(), (WIDE,), spectrum, 3000.0, 5)
+    recording, _ = simulated(vehicle, RigidTrack(), (BODY_SENSOR,), spectrum, 3000.0, 5)
     omega = np.linspace(2e-3, 2 * np.pi, 20_000)
-    system = state_space(vehicle, RigidTrack(), (WIDE,))
+    system = state_space(vehicle, RigidTrack(), (BODY_SENSOR,))
     rms = []
     for speed in np.unique(np.round(recording["speed"].to_numpy())):
         response = np.abs(transfer_function(system, omega, float(speed))[:, 0]) ** 2
@@ -66,22 +66,22 @@ def test_a_body_rides_smoother_than_its_track() -> None:
 
 def test_the_demo_recovers_the_profile_and_can_be_run_again(tmp_path: Path) -> None:
     folder = tmp_path / "new" / "demo"
-    done = run(folder, length=260.0)
+    demo = run(folder, length=260.0)
     assert {path.name for path in folder.iterdir()} == {
         *("recording.csv", "recording.toml", "truth.csv", "vehicle.toml"),
         *("profile.nc", "profile.html", "profile.png"),
     }
-    band = done.comparison.bands["D1"]
+    band = demo.comparison.bands["D1"]
     assert band is not None
     assert band.correlation > 0.999
     assert band.rms_error_mm < 0.05
-    assert read(done.files[0]).attrs["vehicle"] == "velaro"
+    assert read(demo.files[0]).attrs["vehicle"] == "velaro"
     run(folder, length=100.0)
 
 
-def test_the_demo_replaces_nothing_that_is_not_its_own(tmp_path: Path) -> None:
+def test_the_demo_does_not_replace_other_files(tmp_path: Path) -> None:
     (tmp_path / "truth.csv").write_text("levelled in 1998")
-    with pytest.raises(FileError, match=r"truth\.csv is no earlier demo's"):
+    with pytest.raises(FileError, match=r"truth\.csv was not written by an earlier demo"):
         run(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["truth.csv"]
     with pytest.raises(FileError, match="cannot be used as a folder"):

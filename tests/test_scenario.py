@@ -1,4 +1,4 @@
-"""Scenarios: what is built in runs, and what could not run is refused before anything does."""
+"""Scenarios: built-in scenarios run, and invalid ones are rejected before the simulation starts."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def put(folder: Path, text: str) -> Path:
     return path
 
 
-def made(folder: Path, text: str, seed: int | None = None) -> SimulatedRun:
+def run_text(folder: Path, text: str, seed: int | None = None) -> SimulatedRun:
     return run_scenario(read_scenario(put(folder, text), seed))
 
 
 @pytest.mark.parametrize("name", scenarios())
-def test_built_in_scenario_runs_and_keeps_contact(name: str) -> None:
+def test_built_in_scenario_runs_without_lift_off(name: str) -> None:
     result = run_scenario(read_scenario(name))
     assert not result.simulation.notes
     assert result.simulation.contact_force.min() > 0
@@ -54,28 +54,29 @@ def test_built_in_scenario_runs_and_keeps_contact(name: str) -> None:
     assert np.all(np.isfinite(result.truth["elevation"].to_numpy()))
 
 
-def test_soft_ballast_lets_the_rail_sink_there_alone() -> None:
+def test_soft_ballast_increases_the_deflection_only_there() -> None:
     deflection = run_scenario(read_scenario("soft-spot")).simulation
-    at, sunk = deflection.position, -deflection.rail_deflection[:, 0]
-    # A support's springs are in series: a third of the ballast's stiffness leaves 56 % of the support's.
-    assert sunk[(at > 71) & (at < 75)].mean() > 1.2 * sunk[at < 65].mean()
-    assert sunk[at > 80].mean() == pytest.approx(sunk[at < 65].mean(), rel=0.02)
+    at, deflected = deflection.position, -deflection.rail_deflection[:, 0]
+    # The springs of a support are in series: a third of the ballast's stiffness gives 56 % of the support's.
+    assert deflected[(at > 71) & (at < 75)].mean() > 1.2 * deflected[at < 65].mean()
+    assert deflected[at > 80].mean() == pytest.approx(deflected[at < 65].mean(), rel=0.02)
 
 
-def test_seed_alone_changes_the_noise(tmp_path: Path) -> None:
+def test_the_seed_changes_the_noise_only(tmp_path: Path) -> None:
     first, again, other = (
-        made(tmp_path, BELL, seed).recording["bogie_acceleration"].to_numpy() for seed in (1, 1, 2)
+        run_text(tmp_path, BELL, seed).recording["bogie_acceleration"].to_numpy()
+        for seed in (1, 1, 2)
     )
     np.testing.assert_array_equal(first, again)
-    # 25 µg/√Hz over half of 500 Hz is a standard deviation of 3.9 mm/s²; the difference of two has √2 of it.
+    # 25 µg/√Hz up to 250 Hz is a standard deviation of 3.9 mm/s²; that of the difference of two is √2 larger.
     assert np.std(first - other) == pytest.approx(
         np.sqrt(2) * 25e-6 * 9.80665 * np.sqrt(250), rel=0.1
     )
 
 
-def test_steps_per_sample_leave_the_samples_where_they_are(tmp_path: Path) -> None:
+def test_steps_per_sample_do_not_change_the_sample_positions(tmp_path: Path) -> None:
     coarse, fine = (
-        made(tmp_path, BELL.replace("steps_per_sample = 1", f"steps_per_sample = {n}"))
+        run_text(tmp_path, BELL.replace("steps_per_sample = 1", f"steps_per_sample = {n}"))
         for n in (1, 4)
     )
     np.testing.assert_allclose(
@@ -83,31 +84,31 @@ def test_steps_per_sample_leave_the_samples_where_they_are(tmp_path: Path) -> No
     )
 
 
-def test_profile_from_a_file_is_ridden_as_the_formula_is(tmp_path: Path) -> None:
-    whole = made(tmp_path, BELL)
+def test_profile_from_a_file_gives_the_result_of_the_formula(tmp_path: Path) -> None:
+    whole = run_text(tmp_path, BELL)
     x = np.arange(-60.0, 60.0, 0.05)
     depth = 2.0 * np.exp(-0.5 * ((x - 10.0) / 0.5) ** 2)
     rows = "\n".join(f"{a:.3f},{-1e-3 * b:.12g}" for a, b in zip(x, depth, strict=True))
     (tmp_path / "level.csv").write_text("distance_m,elevation_m\n" + rows + "\n")
     i = BELL.index("[[irregularity]]")
-    again = made(tmp_path, BELL[:i] + '[[irregularity]]\nkind = "file"\npath = "level.csv"\n')
+    again = run_text(tmp_path, BELL[:i] + '[[irregularity]]\nkind = "file"\npath = "level.csv"\n')
     a, b = (one.simulation.contact_force for one in (whole, again))
-    # A quintic spline through values every 5 cm: (h/σ)⁴ of the curvature.
+    # The error of a quintic spline through values every 5 cm is (h/σ)⁴ of the curvature.
     np.testing.assert_allclose(a, b, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('vehicle = "velaro"', 'vehicle = "tram"', "tram: the file does not exist"),
         ('end = "30 m"', 'end = "-1 m"', "end beyond its start"),
         ('speed = "150 km/h"', 'speed = "0 km/h"', "speeds above 0"),
         ('speed = "150 km/h"', 'speed = "150 kg"', "unit 'kg' is not a unit of speed"),
-        ('run_in = "20 m"', 'run_in = "2 m"', "at least 10 m of running in"),
+        ('run_in = "20 m"', 'run_in = "2 m"', "run-in of at least 10 m"),
         ("steps_per_sample = 1", "steps_per_sample = 0", "steps_per_sample"),
         ("steps_per_sample = 1", "steps_per_sample = 1\ncolour = 3", "colour"),
         ('scheme = "newmark"', 'scheme = "euler"', "scheme"),
-        ('sampling = "500 Hz"', 'sampling = "20 Hz"', "too coarse"),
+        ('sampling = "500 Hz"', 'sampling = "20 Hz"', "too long for the stiffest mode"),
         ('width = "0.5 m"', 'width = "-0.5 m"', "width"),
         ('kind = "bell"', 'kind = "hole"', "kind"),
         ('width = "0.5 m"', 'widht = "0.5 m"', "irregularity 1: unknown key 'widht'; the keys of this table are"),
@@ -116,21 +117,19 @@ def test_profile_from_a_file_is_ridden_as_the_formula_is(tmp_path: Path) -> None
         ('run_in = "20 m"', 'runin = "20 m"', "unknown key 'runin' in run"),
         ('end = "30 m"', 'end = "0.1 m"', "less than two samples"),
         ('sampling = "500 Hz"', 'sampling = "500 Hz"\nseed = -1', "seed"),
-        ('sensors = "bogie-25ug"', "", "either sensors"),
+        ('sensors = "bogie-25ug"', "", "either the key sensors"),
         ('vehicle = "velaro"', 'vehicle = "quarter-car"', "'quarter-car' does not have"),
-        ('"150 km/h"', '[{ time = "0 s", speed = "9 m/s" }, { time = "0 s", speed = "9 m/s" }]', "times that increase"),
+        ('"150 km/h"', '[{ time = "0 s", speed = "9 m/s" }, { time = "0 s", speed = "9 m/s" }]', "increasing times"),
     ],
 )  # fmt: skip
-def test_scenario_that_could_not_run_is_refused_before_it_does(
-    tmp_path: Path, old: str, new: str, said: str
-) -> None:
+def test_invalid_scenario_is_rejected(tmp_path: Path, old: str, new: str, message: str) -> None:
     text = BELL.replace(old, new)
     assert text != BELL
-    with pytest.raises(TrackprofileError, match=said):
+    with pytest.raises(TrackprofileError, match=message):
         read_scenario(put(tmp_path, text))
 
 
-def test_profile_that_is_shorter_than_the_run_is_refused_before_it_runs(tmp_path: Path) -> None:
+def test_profile_shorter_than_the_run_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "level.csv").write_text(
         "distance_m,elevation_m\n" + "\n".join(f"{x},0" for x in range(20)) + "\n"
     )
@@ -140,7 +139,7 @@ def test_profile_that_is_shorter_than_the_run_is_refused_before_it_runs(tmp_path
         read_scenario(put(tmp_path, short))
 
 
-def test_only_a_layered_track_has_supports_to_change(tmp_path: Path) -> None:
+def test_a_change_needs_a_layered_track(tmp_path: Path) -> None:
     change = '[[change]]\nfield = "pad_stiffness"\nfactor = 0.5\nstart = "0 m"\nend = "1 m"\n'
     with pytest.raises(TrackprofileError, match="needs a layered track"):
         read_scenario(put(tmp_path, BELL.replace("zhai-layered", "rigid") + change))
@@ -149,9 +148,7 @@ def test_only_a_layered_track_has_supports_to_change(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("irregularity", ["irregularity = [3]", "[[irregularity]]\nkind = []"])
-def test_irregularity_that_is_no_table_of_a_kind_is_refused(
-    tmp_path: Path, irregularity: str
-) -> None:
+def test_invalid_irregularity_is_rejected(tmp_path: Path, irregularity: str) -> None:
     head = BELL[: BELL.index("[run]")]
     tail = BELL[BELL.index("[run]") : BELL.index("[[irregularity]]")]
     text = (
@@ -164,21 +161,21 @@ def test_irregularity_that_is_no_table_of_a_kind_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("file", "old", "new", "said"),
+    ("file", "old", "new", "message"),
     [
         ("vehicle", "value = 3.5", "value = -3.5", "'leading bogie' must be above 0"),
         ("track", "value = 0.545", "value = 0", "spacing must be above 0, got 0"),
         ("track", "value = 125.5", "value = -1", "sleeper mass must be above 0, got -1"),
     ],
 )
-def test_impossible_file_beside_the_scenario_is_named(
-    tmp_path: Path, file: str, old: str, new: str, said: str
+def test_error_in_a_file_of_the_scenario_names_the_file(
+    tmp_path: Path, file: str, old: str, new: str, message: str
 ) -> None:
     preset = {"vehicle": "velaro", "track": "zhai-layered"}[file]
     whole = (PRESETS.parent / file / f"{preset}.toml").read_text()
     (tmp_path / "mine.toml").write_text(whole.replace(old, new))
     text = BELL.replace(f'{file} = "{preset}"', f'{file} = "mine.toml"')
-    with pytest.raises(TrackprofileError, match=f"mine.toml: .*{said}"):
+    with pytest.raises(TrackprofileError, match=f"mine.toml: .*{message}"):
         read_scenario(put(tmp_path, text))
 
 
@@ -201,10 +198,10 @@ def test_a_profile_that_covers_exactly_the_needed_range_is_accepted(
     first, last = float(needed[1]), float(needed[2])
     assert first <= -20.0 - 19.875
     (tmp_path / "l.csv").write_text(levels(first - 1e-3, last + 1e-3))
-    assert made(tmp_path, text).simulation.contact_force.min() > 0
+    assert run_text(tmp_path, text).simulation.contact_force.min() > 0
 
 
-def test_sensor_may_stand_in_the_scenario_itself(tmp_path: Path) -> None:
+def test_sensors_can_be_given_in_the_scenario(tmp_path: Path) -> None:
     sensor = """
 [[sensor]]
 name = "floor"
@@ -214,24 +211,24 @@ position = 6.0
 unit = "m/s²"
 range = 20
 """
-    recording = made(tmp_path, BELL.replace('sensors = "bogie-25ug"\n', "") + sensor).recording
+    recording = run_text(tmp_path, BELL.replace('sensors = "bogie-25ug"\n', "") + sensor).recording
     assert recording["floor"].attrs["position"] == 6.0
     assert 1e-4 < np.abs(recording["floor"].to_numpy()).max() < 1.0
-    with pytest.raises(TrackprofileError, match="either sensors"):
+    with pytest.raises(TrackprofileError, match="either the key sensors"):
         read_scenario(put(tmp_path, BELL + sensor))
 
 
-def test_recording_says_that_it_is_simulated_and_of_which_vehicle(tmp_path: Path) -> None:
-    recording = made(tmp_path, BELL).recording
+def test_recording_states_that_it_is_simulated_and_its_vehicle(tmp_path: Path) -> None:
+    recording = run_text(tmp_path, BELL).recording
     assert "no train measured this" in recording.attrs["source"]
     assert recording.attrs["vehicle"] == "velaro"
 
 
-def test_truth_begins_where_the_whole_irregularity_was_ridden(tmp_path: Path) -> None:
-    # Of 20 m of running in, the irregularity grows over the first ten; the car is longer.
-    assert made(tmp_path, BELL).truth["distance"].to_numpy()[0] == -10.0
+def test_truth_begins_where_the_irregularity_has_its_full_size(tmp_path: Path) -> None:
+    # The irregularity grows over the first 10 m of the run-in of 20 m; the car is longer.
+    assert run_text(tmp_path, BELL).truth["distance"].to_numpy()[0] == -10.0
 
 
-def test_wheel_that_would_lift_off_is_told_of(tmp_path: Path) -> None:
-    notes = made(tmp_path, BELL.replace("2 mm", "30 mm")).simulation.notes
+def test_lift_off_is_noted(tmp_path: Path) -> None:
+    notes = run_text(tmp_path, BELL.replace("2 mm", "30 mm")).simulation.notes
     assert "first at 'wheel 1'" in notes[0]

@@ -1,4 +1,4 @@
-"""The figures of speed and memory that the README quotes."""
+"""Benchmarks of computing time and memory, which the README quotes."""
 
 from __future__ import annotations
 
@@ -52,40 +52,46 @@ from trackprofile.simulation.speed_schedule import constant_speed
 SPEED = 150 / 3.6  # m/s
 SAMPLING = 500.0  # Hz
 REPETITIONS = 3
-PAPERS_STEP = 2e-3  # s
-PAPERS_RATE = "the paper, in MATLAB at 2.67 GHz: 45000 with Model A, 150000 with Model B"
-PAPERS_SEARCH = {"a": 45.0, "b": 100.0}  # s/m
+PAPER_STEP = 2e-3  # s
+PAPER_RATE = "the paper, in MATLAB at 2.67 GHz: 45000 with Model A, 150000 with Model B"
+PAPER_SEARCH = {"a": 45.0, "b": 100.0}  # s/m
 TTB_2D = "TTB-2D in Octave, one core: 6500 µs with 542 degrees of freedom, 8200 µs with 1338"
 
 
 @dataclass(frozen=True)
 class Result:
-    """One figure, smaller is better; ``beside`` says what others measured."""
+    """One benchmark result; smaller is better.
+
+    Parameters
+    ----------
+    name, value, unit : the result
+    comparison : published values for comparison
+    """
 
     name: str
     value: float
     unit: str
-    beside: str = ""
+    comparison: str = ""
 
 
 def measure() -> dict[str, Any]:
-    """All figures, as `bench --json` prints them: each from the best of three runs.
+    """All results, as `bench --json` prints them, each the best of three runs.
 
-    The smoother runs in a process of its own, on one thread: the paper's car on elastic track, at
-    150 km/h, two sensors at 500 Hz. Memory is what the peak grows by from 1 km to 2 km. Assessing and reporting 50 km
-    is one run, with all that it loads.
+    The smoother runs in a separate process on one thread: the paper's car on elastic track at 150 km/h with two sensors
+    at 500 Hz. Memory is the increase of the peak from 1 km to 2 km. Assessing and reporting 50 km is one run, which
+    includes loading its modules.
     """
     results = [
-        *_of_one_thread("smoother_figures"),
-        *_of_one_thread("report_figures"),
+        *_in_one_thread("smoother_figures"),
+        *_in_one_thread("report_figures"),
         Result("help_s", _best(_help), "s"),
     ]
     return {"results": [vars(result) for result in results], "machine": machine()}
 
 
 def smoother_figures() -> list[Result]:
-    """The smoother's figures, of this process."""
-    _smooth(100.0, variance=True)  # compiles, or loads what is compiled
+    """Results of the smoother, in this process."""
+    _smooth(100.0, variance=True)  # compiles, or loads the compiled code
     without = _best(lambda: _smooth(1000.0, variance=False))
     with_variance = _best(lambda: _smooth(1000.0, variance=True))
     one = peak_memory()
@@ -93,35 +99,35 @@ def smoother_figures() -> list[Result]:
     return [
         *forward_figures(),
         *search_figures(),
-        Result("smoother_ms_per_m", without, "ms/m", PAPERS_RATE),  # s per 1000 m
+        Result("smoother_ms_per_m", without, "ms/m", PAPER_RATE),  # s per 1000 m
         Result("smoother_with_variance_ms_per_m", with_variance, "ms/m"),
         Result("memory_mb_per_km", peak_memory() - one, "MB/km"),
     ]
 
 
 def forward_figures() -> list[Result]:
-    """The forward models' figures: a step of 2 ms, with everything but the random numbers of the profile."""
+    """Results of the forward models: one step of 2 ms, without generating a random profile."""
     car, quarter = read_vehicle("velaro")[0], read_vehicle("quarter-car")[0]
     track = read_track("zhai-layered")
     near, far = 100.0, 10_000.0
-    _ride(quarter, read_track("rigid"), near)
-    _ride(car, track, near)
-    model_a = _best(lambda: _ride(quarter, read_track("rigid"), far)) / _steps(far)
-    short = _best(lambda: _ride(car, track, near)) / _steps(near)
-    long = _best(lambda: _ride(car, track, far)) / _steps(far)
+    _simulate(quarter, read_track("rigid"), near)
+    _simulate(car, track, near)
+    model_a = _best(lambda: _simulate(quarter, read_track("rigid"), far)) / _steps(far)
+    short = _best(lambda: _simulate(car, track, near)) / _steps(near)
+    long = _best(lambda: _simulate(car, track, far)) / _steps(far)
     return [
         Result("model_a_us_per_step", 1e6 * model_a, "µs"),
         Result("model_b_us_per_step", 1e6 * long, "µs", TTB_2D),
-        Result("model_b_10_km_over_100_m", long / short, "of a step's cost"),
+        Result("model_b_10_km_over_100_m", long / short, "ratio of the cost per step"),
     ]
 
 
 def search_figures() -> list[Result]:
-    """Cross-entropy's figures: the paper's bell on Model A, its FRA class 6 on Model B at 150 km/h, noise-free."""
+    """Results of cross-entropy: the paper's bell on Model A and FRA class 6 on Model B at 150 km/h, without noise."""
     results = []
     for name, case, settings, paper in (
-        ("a", bell(), TABLE_5, PAPERS_SEARCH["a"]),
-        ("b", replace(model_b("fra-6"), length=60.0), TABLE_6, PAPERS_SEARCH["b"]),
+        ("a", bell(), TABLE_5, PAPER_SEARCH["a"]),
+        ("b", replace(model_b("fra-6"), length=60.0), TABLE_6, PAPER_SEARCH["b"]),
     ):
         recording, length = (
             case_recording(case, search_grid_signals(case)),
@@ -131,21 +137,24 @@ def search_figures() -> list[Result]:
             one = CrossEntropySettings(track=case.track, search=replace(settings, variant=variant))
             run = partial(cross_entropy, recording, case.vehicle, one)
             run()
-            rate, real = _best(run) / length, 1 / case.speed
-            beside = f"the paper {paper:g}, {paper / rate:.0f} times; the train {real:.3f}, {real / rate:.2f} times"
+            rate, running = _best(run) / length, 1 / case.speed
+            comparison = (
+                f"the paper {paper:g} ({paper / rate:.0f} times), "
+                f"the train {running:.3f} ({running / rate:.2f} times)"
+            )
             figure = f"cross_entropy_{name}_{variant.value}_s_per_m"
-            results.append(Result(figure, rate, "s/m", beside))
+            results.append(Result(figure, rate, "s/m", comparison))
     return results
 
 
 def report_figures() -> list[Result]:
-    """A profile of 50 km as rough as German low, assessed and reported as a page, of this process."""
+    """Results of assessing and reporting a 50 km profile of the spectrum german-low, in this process."""
     profile = _long_profile()
     with TemporaryDirectory() as folder:
         start = time.perf_counter()
         spectra = {name: read_roughness(name) for name in presets("spectrum")}
-        found = assess(profile, read_limits("en-13848"), 160 / 3.6, spectra=spectra)
-        (page,) = report(found, Path(folder) / "report.html")
+        assessment = assess(profile, read_limits("en-13848"), 160 / 3.6, spectra=spectra)
+        (page,) = report(assessment, Path(folder) / "report.html")
         seconds, size = time.perf_counter() - start, page.stat().st_size / 1e6
     return [
         Result("report_50_km_s", seconds, "s"),
@@ -157,34 +166,34 @@ def report_figures() -> list[Result]:
 def _long_profile() -> xr.Dataset:
     at = np.arange(0.0, 50_000.0, KNOT_SPACING)
     level = random_irregularity(read_spectrum("german-low"), 1, 2.0, 300.0, length=at[-1]).at(at)[0]
-    spreads = {"D1": 1e-4, "D2": 3e-4, "D3": 1e-3}
+    deviations = {"D1": 1e-4, "D2": 3e-4, "D3": 1e-3}
     return build_profile(
         at,
         level,
         kind="posterior",
         standard_deviation=np.full(at.size, 5e-3),
         band_standard_deviations={
-            name: np.full(at.size, spread) for name, spread in spreads.items()
+            name: np.full(at.size, deviation) for name, deviation in deviations.items()
         },
     )
 
 
-def _ride(vehicle: Vehicle, track: Track, length: float) -> None:
+def _simulate(vehicle: Vehicle, track: Track, length: float) -> None:
     run = RunSettings(0.0, length, constant_speed(SPEED), run_in=0.0, every=10)
-    simulate(vehicle, track, Flat(), run, newmark(PAPERS_STEP))
+    simulate(vehicle, track, Flat(), run, newmark(PAPER_STEP))
 
 
 def _steps(length: float) -> float:
-    return length / SPEED / PAPERS_STEP
+    return length / SPEED / PAPER_STEP
 
 
 def _smooth(length: float, variance: bool) -> None:
-    """The smoother, from motion and signals to the profile and its variance, over ``length`` m."""
+    """Run the smoother over ``length`` m: from motion and signals to the profile and its variance."""
     sensors, spectrum = read_sensors("bogie-25ug"), read_spectrum("fra-6")
     system = state_space(read_vehicle("velaro")[0], point_track(read_track("zhai")), sensors)
     time_ = np.arange(round(length / SPEED * SAMPLING)) / SAMPLING
-    still = np.zeros(len(time_))
-    motion = Motion(time_, SPEED * time_, still + SPEED, still)
+    zero = np.zeros(len(time_))
+    motion = Motion(time_, SPEED * time_, zero + SPEED, zero)
     ride = discretise_run(system, motion, np.ones((len(time_), len(sensors)), bool), KNOT_SPACING)
     offsets = np.array([sensor.offset_standard_deviation for sensor in sensors])
     density = np.array([sensor.noise_density for sensor in sensors], dtype=np.float64)
@@ -196,10 +205,10 @@ def _smooth(length: float, variance: bool) -> None:
         posterior_variances(prepared)
 
 
-def _of_one_thread(figures: str) -> list[Result]:
-    """What a function of this module measures in a process of its own."""
-    found = in_one_thread("trackprofile.bench", f"[vars(one) for one in of.{figures}()]")
-    return [Result(**one) for one in found]
+def _in_one_thread(figures: str) -> list[Result]:
+    """Results of a function of this module in a separate process."""
+    results = in_one_thread("trackprofile.bench", f"[vars(one) for one in of.{figures}()]")
+    return [Result(**one) for one in results]
 
 
 def _help() -> None:
@@ -208,10 +217,10 @@ def _help() -> None:
 
 
 def _best(run: Callable[[], object]) -> float:
-    """Seconds that the quickest of three runs took."""
-    taken = []
+    """Duration of the fastest of three runs, s."""
+    durations = []
     for _ in range(REPETITIONS):
         start = time.perf_counter()
         run()
-        taken.append(time.perf_counter() - start)
-    return min(taken)
+        durations.append(time.perf_counter() - start)
+    return min(durations)

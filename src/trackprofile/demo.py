@@ -1,7 +1,7 @@
-"""The main job on a built-in recording, which is simulated, and says so.
+"""Demonstration: inference of a profile from a simulated recording, and comparison with the truth.
 
-The paper's car runs over random track at varying speed, with two sensors on its leading bogie. It
-is integrated here by `scipy.signal.lsim` on a fine grid in time, another route than the smoother's.
+The paper's car runs over random track at varying speed, with two sensors on its leading bogie. The simulation uses
+`scipy.signal.lsim` on a fine time grid and is independent of the smoother's discretisation.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ SOURCE = "simulated by trackprofile demo: no train measured this"
 
 SAMPLING = 250.0  # Hz
 STEPS_PER_SAMPLE = 8
-RUN_IN = 8.0  # s, in which the body's bounce fades to a thousandth
+RUN_IN = 8.0  # s, in which the body's heave decays to a thousandth
 MEAN_SPEED, SPEED_CHANGE, SPEED_PERIOD = 30.0, 10.0, 60.0  # m/s, m/s, s
-POINT_SPACING, SHORTEST_WAVE = 0.2, 1.0  # m
-OFFSETS = {VERTICAL_ACCELERATION: 0.05}  # m/s²; a cheap sensor's
+POINT_SPACING, SHORTEST_WAVELENGTH = 0.2, 1.0  # m
+OFFSETS = {VERTICAL_ACCELERATION: 0.05}  # m/s²; typical of a low-cost sensor
 OTHER_OFFSET = 0.002  # rad/s
 
 PROFILE = "profile.nc"
@@ -56,49 +56,58 @@ FILES = ("recording.csv", "recording.toml", "truth.csv", "vehicle.toml", PROFILE
 
 @dataclass(frozen=True)
 class Demo:
-    """What the demo made, and how well it went."""
+    """Result of the demonstration.
+
+    Parameters
+    ----------
+    recording, truth : files of the simulated recording and the true profile
+    files : files of the inferred profile
+    estimate : result of the inference
+    comparison : profile compared with the truth
+    """
 
     recording: Path
     truth: Path
     files: tuple[Path, ...]
-    found: Estimate
+    estimate: Estimate
     comparison: Comparison
 
 
 def run(
     folder: str | Path, *, length: float = 2000.0, seed: int = 1, progress: Progress | None = None
 ) -> Demo:
-    """Make a recording, infer the profile from it, and compare that with the truth.
+    """Simulate a recording, infer the profile from it, and compare it with the truth.
 
     Parameters
     ----------
-    folder : is created; all files are written there
-    length : of the recorded track [m]
-    seed : of track and noise
+    folder : folder for all files; created where it does not exist
+    length : length of the recorded track [m]
+    seed : seed of track and noise
+    progress : called with the stage and the share done
 
     Raises
     ------
-    FileError : the folder cannot be written to, or holds such files that are no demo's.
+    FileError : the folder cannot be written to, or has files of these names that no earlier demo wrote.
     """
-    folder = _ready(Path(folder))
+    folder = _prepared(Path(folder))
     recording, truth = folder / "recording.toml", folder / "truth.csv"
     vehicle, installation = read_vehicle("velaro")
     track = point_track(read_track("zhai"))
-    measured, level = simulated(
+    simulated_recording, simulated_truth = simulated(
         vehicle, track, read_sensors("bogie-25ug"), read_spectrum("german-low"), length, seed
     )
-    write(measured, recording)
-    write(level, truth)
+    write(simulated_recording, recording)
+    write(simulated_truth, truth)
     write_vehicle(vehicle, installation, folder / "vehicle.toml")
     measured = read(recording)
-    found = estimate(
+    result = estimate(
         measured,
         vehicle,
         InferenceSettings(installation=installation, track=track),
         progress=progress,
     )
-    files = write_estimate(found, measured, folder / PROFILE)
-    return Demo(recording, truth, files, found, compare(found.profile, read(truth)))
+    files = write_estimate(result, measured, folder / PROFILE)
+    return Demo(recording, truth, files, result, compare(result.profile, read(truth)))
 
 
 def simulated(
@@ -109,12 +118,18 @@ def simulated(
     length: float,
     seed: int,
 ) -> tuple[xr.Dataset, xr.Dataset]:
-    """A recording over random track, and that track's true profile.
+    """Simulate a recording over random track.
 
     Parameters
     ----------
-    sensors : each with its noise density
-    length : that the leading wheel runs [m]
+    sensors : sensors with their noise densities
+    spectrum : spectrum of the track irregularity
+    length : distance that the leading wheel runs [m]
+    seed : seed of track and noise
+
+    Returns
+    -------
+    the recording, and the true profile
 
     Examples
     --------
@@ -129,7 +144,7 @@ def simulated(
     position, speed, acceleration = _motion(time)
     behind = vehicle.length + 5.0
     points = np.arange(position[0] - behind, length + 5.0, POINT_SPACING)
-    profile = CubicSpline(points, random_profile(spectrum, points, generator, SHORTEST_WAVE))
+    profile = CubicSpline(points, random_profile(spectrum, points, generator, SHORTEST_WAVELENGTH))
     paths = position[:, None] - np.array([wheel.position for wheel in vehicle.wheels])
     v, a = speed[:, None], acceleration[:, None]
     z, z1, z2 = profile(paths), profile(paths, 1), profile(paths, 2)
@@ -154,22 +169,22 @@ def simulated(
         vehicle="vehicle.toml",
         provenance=[f"{SOURCE}, seed {seed}"],
     )
-    # The wheels behind see track that the leading one had passed before the first sample.
+    # The rear wheels run over track that the leading wheel passed before the first sample.
     distance = np.arange(-np.floor(vehicle.length), length, 0.25)
     return recording, build_profile(distance, profile(distance), kind="truth", vehicle=vehicle.name)
 
 
 def _time(length: float) -> Array:
-    """From the start of the running in to where the leading wheel has run ``length`` [s]."""
+    """Time from the start of the run-in until the leading wheel has run ``length`` [s]."""
     steps_per_second = SAMPLING * STEPS_PER_SAMPLE
-    slowest = MEAN_SPEED - SPEED_CHANGE
-    time = np.arange(-RUN_IN * steps_per_second, length / slowest * steps_per_second + 1)
+    minimum_speed = MEAN_SPEED - SPEED_CHANGE
+    time = np.arange(-RUN_IN * steps_per_second, length / minimum_speed * steps_per_second + 1)
     time /= steps_per_second
     return time[_motion(time)[0] <= length]
 
 
 def _motion(time: Array) -> tuple[Array, Array, Array]:
-    """Position [m], 0 at time 0, speed [m/s] and acceleration [m/s²]."""
+    """Position [m] (0 at time 0), speed [m/s] and acceleration [m/s²]."""
     rate = 2 * np.pi / SPEED_PERIOD
     position = MEAN_SPEED * time + SPEED_CHANGE / rate * (1 - np.cos(rate * time))
     speed = MEAN_SPEED + SPEED_CHANGE * np.sin(rate * time)
@@ -177,10 +192,10 @@ def _motion(time: Array) -> tuple[Array, Array, Array]:
 
 
 def _response(system: StateSpace, time: Array, paths: tuple[Array, Array, Array]) -> Array:
-    """What the sensors feel of the paths and their two time derivatives (steps, sensors)."""
+    """Signals of the sensors for the wheels' paths and their two time derivatives, (steps, sensors)."""
     B, D = (matrix.reshape(len(matrix), -1) for matrix in (system.B, system.D))
     _, signals, _ = lsim((system.A, B, system.C, D), np.concatenate(paths, axis=1), time - time[0])
-    return signals.reshape(len(time), -1)  # lsim drops the dimension of a lone sensor
+    return signals.reshape(len(time), -1)  # lsim drops the dimension of a single sensor
 
 
 def _noisy(signal: Array, sensor: Sensor, generator: np.random.Generator) -> Array:
@@ -189,15 +204,17 @@ def _noisy(signal: Array, sensor: Sensor, generator: np.random.Generator) -> Arr
     return signal + offset + deviation * generator.standard_normal(len(signal))
 
 
-def _ready(folder: Path) -> Path:
-    """The folder, made if need be; only what an earlier demo left there may be replaced."""
+def _prepared(folder: Path) -> Path:
+    """The folder, created if necessary; only files of an earlier demo may be replaced."""
     recording = folder / "recording.toml"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        ours = recording.is_file() and SOURCE in recording.read_text(encoding="utf-8")
+        earlier_demo = recording.is_file() and SOURCE in recording.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"{folder}: cannot be used as a folder; name a new one.") from error
-    there = [name for name in FILES if (folder / name).exists()]
-    if there and not ours:
-        raise FileError(f"{folder}: its {there[0]} is no earlier demo's; name a new folder.")
+        raise FileError(f"{folder}: cannot be used as a folder; give another one.") from error
+    existing = [name for name in FILES if (folder / name).exists()]
+    if existing and not earlier_demo:
+        raise FileError(
+            f"{folder}: its {existing[0]} was not written by an earlier demo; give another folder."
+        )
     return folder

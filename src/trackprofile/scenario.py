@@ -1,28 +1,28 @@
-"""Scenarios: who runs where, over what, with which sensors on board, as a person writes it in TOML.
+"""Scenarios: a simulated run described in TOML by vehicle, track, irregularity, speed and sensors.
 
-vehicle = "velaro"                      # a preset, or a TOML beside this file
+vehicle = "velaro"                      # a preset, or a TOML in the folder of this file
 track = "zhai-layered"
-sensors = "bogie-25ug"                  # or tables [[sensor]], as such a TOML has them
-sampling = "500 Hz"                     # behind a low-pass at a quarter of it, unless anti_alias = false
-seed = 1                                # of the sensors' noise
+sensors = "bogie-25ug"                  # a preset, a TOML, or tables [[sensor]] as in such a TOML
+sampling = "500 Hz"                     # with a low-pass at a quarter of it, unless anti_alias = false
+seed = 1                                # seed of the sensors' noise
 
 [run]
-start = "0 m"                           # of the leading wheel; what is recorded
+start = "0 m"                           # leading wheel; the recording covers start to end
 end = "200 m"
-speed = "150 km/h"                      # or [{ time = "0 s", speed = "40 m/s" }, ...] from the running in on
-run_in = "100 m"                        # before the start; the irregularity grows over its first half
+speed = "150 km/h"                      # or [{ time = "0 s", speed = "40 m/s" }, ...], from the start of the run-in
+run_in = "100 m"                        # distance before the start; the irregularity grows over its first half
 
 [integration]
 scheme = "newmark"                      # or "wilson"
-steps_per_sample = 4                    # so that a step is 0.5 ms
+steps_per_sample = 4                    # a step of 0.5 ms
 
-[[irregularity]]                        # as many as there are, on top of one another
-kind = "bell"                           # or random, dip, file
+[[irregularity]]                        # any number of tables; their sum is the profile
+kind = "bell"                           # "bell", "random", "dip" or "file"
 depth = "2 mm"
 width = "0.5 m"
 centre = "100 m"
 
-[[change]]                              # of the track's supports
+[[change]]                              # local change of the track's supports
 field = "ballast_stiffness"
 factor = 0.3
 start = "120 m"
@@ -62,17 +62,28 @@ from trackprofile.simulation.speed_schedule import SpeedSchedule
 
 PRESETS = Path(str(files("trackprofile") / "presets" / "scenario"))
 TRUTH_SPACING = 0.25
-"""m between the points of the true profile, as EN 13848-2 asks."""
+"""Spacing of the true profile, m, as EN 13848-2 requires."""
 
 SOURCE = "simulated by trackprofile simulate: no train measured this"
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario, checked and ready to run; ``sampling_interval`` in s, ``named`` what it calls the vehicle."""
+    """A checked scenario.
+
+    Parameters
+    ----------
+    name : name of the scenario
+    vehicle_name : name or path of the vehicle in the scenario
+    vehicle, track, irregularity, run, scheme : models and settings of the simulation
+    instruments : sensors with their errors
+    sampling_interval : s
+    steps_per_sample : number of integration steps per sample
+    seed : seed of the sensors' noise
+    """
 
     name: str
-    named: str
+    vehicle_name: str
     vehicle: Vehicle
     track: Track
     irregularity: Irregularity
@@ -86,7 +97,14 @@ class Scenario:
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """What a scenario made: recording and truth by their contracts, and all that moved."""
+    """Result of a scenario.
+
+    Parameters
+    ----------
+    recording : the recording contract
+    truth : the profile contract
+    simulation : motion of vehicle, wheels and rail
+    """
 
     recording: xr.Dataset
     truth: xr.Dataset
@@ -94,7 +112,7 @@ class SimulatedRun:
 
 
 def scenarios() -> tuple[str, ...]:
-    """The names of the scenarios that are built in.
+    """Names of the built-in scenarios.
 
     Examples
     --------
@@ -105,16 +123,16 @@ def scenarios() -> tuple[str, ...]:
 
 
 def read_scenario(name_or_path: str | Path, seed: int | None = None) -> Scenario:
-    """Read a scenario, and refuse what could not run.
+    """Read a scenario and check that it can run.
 
     Parameters
     ----------
-    name_or_path : of a built-in scenario, or of a TOML
-    seed : of the sensors' noise, in place of the scenario's
+    name_or_path : name of a built-in scenario, or path of a TOML
+    seed : seed of the sensors' noise; None uses that of the scenario
 
     Raises
     ------
-    FileError, UnitError, ModelError, DataError : with what is wrong and where.
+    FileError, UnitError, ModelError, DataError : the scenario is invalid; the message names the file and the key.
 
     Examples
     --------
@@ -127,7 +145,7 @@ def read_scenario(name_or_path: str | Path, seed: int | None = None) -> Scenario
     elif not path.exists():
         known = ", ".join(scenarios())
         raise FileError(
-            f"{name_or_path}: there is no such file; give a scenario's TOML or one of {known}."
+            f"{name_or_path}: no such file; give the path of a scenario TOML or one of {known}."
         )
     table = load(path, ScenarioTable)
     try:
@@ -139,13 +157,17 @@ def read_scenario(name_or_path: str | Path, seed: int | None = None) -> Scenario
 def run_scenario(
     scenario: Scenario, progress: Callable[[str, float], None] = lambda stage, share: None
 ) -> SimulatedRun:
-    """Simulate a scenario and record it.
+    """Simulate a scenario and its sensors.
+
+    Parameters
+    ----------
+    progress : called with the stage and the share done
 
     Examples
     --------
-    >>> made = run_scenario(read_scenario("bell-model-a"))
-    >>> sorted(made.recording.attrs["kind_of_data"] for made in [made])
-    ['recording']
+    >>> run = run_scenario(read_scenario("bell-model-a"))
+    >>> run.recording.attrs["kind_of_data"], run.truth.attrs["kind"]
+    ('recording', 'truth')
     """
     simulation = simulate(
         scenario.vehicle, scenario.track, scenario.irregularity, scenario.run, scenario.scheme, progress
@@ -164,30 +186,34 @@ def run_scenario(
                 sensor.bandwidth, sensor.flicker or None, lateral=sensor.lateral,
             )
         )  # fmt: skip
-    taken = slice(None, None, scenario.steps_per_sample)
-    said = (
+    sampled = slice(None, None, scenario.steps_per_sample)
+    provenance = (
         f"simulate: scenario {scenario.name}, step {scenario.scheme.step:g} s, seed {scenario.seed}"
     )
     recording = build_recording(
-        channels, time=simulation.time[taken], distance=simulation.position[taken],
-        speed=simulation.speed[taken], source=SOURCE, vehicle=scenario.named,
+        channels, time=simulation.time[sampled], distance=simulation.position[sampled],
+        speed=simulation.speed[sampled], source=SOURCE, vehicle=scenario.vehicle_name,
     )  # fmt: skip
-    # Before the middle of the running in no wheel saw the whole irregularity.
-    whole = scenario.run.start - 0.5 * scenario.run.run_in
-    first = max(simulation.position[0] - scenario.vehicle.length, whole)
+    # Before the middle of the run-in the irregularity does not have its full size.
+    full_size = scenario.run.start - 0.5 * scenario.run.run_in
+    first = max(simulation.position[0] - scenario.vehicle.length, full_size)
     ends = np.ceil(first / TRUTH_SPACING), np.floor(simulation.position[-1] / TRUTH_SPACING) + 1
-    place = TRUTH_SPACING * np.arange(*ends)
-    elevation = scenario.irregularity.at(place)[0]
-    truth = build_profile(place, elevation, kind="truth", vehicle=scenario.vehicle.name)
+    distance = TRUTH_SPACING * np.arange(*ends)
+    elevation = scenario.irregularity.at(distance)[0]
+    truth = build_profile(distance, elevation, kind="truth", vehicle=scenario.vehicle.name)
     return SimulatedRun(
-        append_provenance(recording, said), append_provenance(truth, said), simulation
+        append_provenance(recording, provenance), append_provenance(truth, provenance), simulation
     )
 
 
-def step_errors(scenario: Scenario, made: SimulatedRun) -> dict[str, float]:
-    """How much the step costs: by sensor, the exact signal's relative change in L2 when the step is halved.
+def step_errors(scenario: Scenario, run: SimulatedRun) -> dict[str, float]:
+    """Estimate the error of the time step: relative change of each exact signal (L2 norm) when the step is halved.
 
-    Both schemes are of second order, so that the error itself is about a third more.
+    Both schemes are of second order, so that the error itself is about a third larger.
+
+    Returns
+    -------
+    relative change by sensor name
 
     Examples
     --------
@@ -195,27 +221,29 @@ def step_errors(scenario: Scenario, made: SimulatedRun) -> dict[str, float]:
     >>> {name: round(error, 3) for name, error in step_errors(scenario, run_scenario(scenario)).items()}
     {'bogie_acceleration': 0.001}
     """
-    half = replace(scenario.run, every=2)
+    half_step = replace(scenario.run, every=2)
     scheme = scenario.scheme
     finer = (
         newmark(scheme.step / 2) if scheme.theta == 1.0 else wilson(scheme.step / 2, scheme.theta)
     )
-    again = simulate(scenario.vehicle, scenario.track, scenario.irregularity, half, finer)
+    refined = simulate(scenario.vehicle, scenario.track, scenario.irregularity, half_step, finer)
     errors = {}
     for instrument in scenario.instruments:
         coarse, fine = (
             sensor_signal(one, scenario.vehicle, instrument.sensor)
-            for one in (made.simulation, again)
+            for one in (run.simulation, refined)
         )
         common = min(len(coarse), len(fine))
-        left = coarse[:common] - fine[:common]
-        errors[instrument.sensor.name] = float(np.linalg.norm(left) / np.linalg.norm(fine[:common]))
+        change = coarse[:common] - fine[:common]
+        errors[instrument.sensor.name] = float(
+            np.linalg.norm(change) / np.linalg.norm(fine[:common])
+        )
     return errors
 
 
 def _scenario(path: Path, table: ScenarioTable, seed: int) -> Scenario:
-    beside = path.parent
-    vehicle, _ = read_vehicle(preset_or_path(table.vehicle, beside))
+    folder = path.parent
+    vehicle, _ = read_vehicle(preset_or_path(table.vehicle, folder))
     sampling_interval = 1.0 / _positive(table.sampling, "sampling")
     with error_location("[integration]"):
         scheme = _scheme(table.integration, sampling_interval)
@@ -225,12 +253,12 @@ def _scenario(path: Path, table: ScenarioTable, seed: int) -> Scenario:
     parts = []
     for number, one in enumerate(table.irregularity, start=1):
         with error_location(f"irregularity {number}, {one.kind}"):
-            parts.append(one.made(beside, span))
-    instruments = _instruments(table, beside)
+            parts.append(one.made(folder, span))
+    instruments = _instruments(table, folder)
     _check_bodies(vehicle, instruments)
     if table.anti_alias:
         instruments = tuple(with_anti_alias_filter(one, sampling_interval) for one in instruments)
-    track = _changed(read_track(preset_or_path(table.track, beside)), table.change)
+    track = _with_changes(read_track(preset_or_path(table.track, folder)), table.change)
     check_step(vehicle_matrices(vehicle), track, scheme)
     return Scenario(
         path.stem, table.vehicle, vehicle, track, Sum(tuple(parts)), run, scheme, instruments, sampling_interval,
@@ -257,42 +285,42 @@ def _run(table: RunTable, sampling_interval: float) -> RunSettings:
     if not end > start:
         raise ModelError(f"the run needs an end beyond its start, got {start:g} m to {end:g} m")
     if not run_in >= 10:
-        raise ModelError(f"the run needs at least 10 m of running in, got {run_in:g} m")
-    lasts = schedule.duration(end - start + run_in) - schedule.duration(run_in)
-    if lasts < 2 * sampling_interval:
+        raise ModelError(f"the run needs a run-in of at least 10 m, got {run_in:g} m")
+    duration = schedule.duration(end - start + run_in) - schedule.duration(run_in)
+    if duration < 2 * sampling_interval:
         raise ModelError(
-            f"the run lasts {lasts:.2g} s, less than two samples; lengthen it or sample faster"
+            f"the run lasts {duration:.2g} s, less than two samples; extend it or raise the sampling rate"
         )
     return RunSettings(start, end, schedule, run_in)
 
 
 def _span(run: RunSettings, scheme: Scheme, length: float) -> tuple[float, float]:
-    """Where a vehicle of that length may ask for the irregularity, m: Wilson's θ looks beyond the end."""
+    """Distances between which the irregularity is needed, m; Wilson's θ extends them beyond the end of the run."""
     first = run.start - run.run_in
     until = run.schedule.duration(run.end - first) + scheme.theta * scheme.step
     return first - length, first + float(run.schedule.at(np.array([until]))[0, 0])
 
 
-def _instruments(table: ScenarioTable, beside: Path) -> tuple[Instrument, ...]:
+def _instruments(table: ScenarioTable, folder: Path) -> tuple[Instrument, ...]:
     if (table.sensors is None) == (not table.sensor):
-        raise ModelError("give either sensors, a preset or a TOML, or tables [[sensor]]")
+        raise ModelError("give either the key sensors (a preset or a TOML) or tables [[sensor]]")
     if table.sensors is None:
         return tuple(one.to_instrument(table.source) for one in table.sensor)
-    return read_instruments(preset_or_path(table.sensors, beside))
+    return read_instruments(preset_or_path(table.sensors, folder))
 
 
 def _check_bodies(vehicle: Vehicle, instruments: tuple[Instrument, ...]) -> None:
-    """See that every sensor finds its body: by asking what it feels in no time at all."""
+    """Check that the vehicle has the body of every sensor, with the signals of an empty simulation."""
     freedoms = (*vehicle_matrices(vehicle).freedoms, *((one.name, HEAVE) for one in vehicle.wheels))
     t, x = np.zeros(0), np.zeros((0, len(freedoms)))
-    still = Simulation(t, t, t, freedoms, x, x, x, x, x, ())
+    empty = Simulation(t, t, t, freedoms, x, x, x, x, x, ())
     for one in instruments:
-        sensor_signal(still, vehicle, one.sensor)
+        sensor_signal(empty, vehicle, one.sensor)
 
 
-def _changed(track: Track, changes: list[ChangeTable]) -> Track:
+def _with_changes(track: Track, changes: list[ChangeTable]) -> Track:
     if not changes:
         return track
     if not isinstance(track, LayeredTrack):
-        raise ModelError("a change needs a layered track; this one has no supports to change")
+        raise ModelError("a change needs a layered track; this track has no supports")
     return replace(track, changes=(*track.changes, *(one.made() for one in changes)))

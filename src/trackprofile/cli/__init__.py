@@ -75,7 +75,7 @@ def demo(
     if as_json:
         show.as_one_object(result.comparison.as_dict() | {"files": list(map(str, files))})
         return
-    show.note((*result.found.notes, *result.comparison.notes, *figure_notes(result.files)))
+    show.note((*result.estimate.notes, *result.comparison.notes, *figure_notes(result.files)))
     show.say(f"Simulated recording: {result.recording}")
     show.say(f"Simulated profile: {result.truth}")
     show.say(f"Inferred profile: {result.files[0]}")
@@ -122,8 +122,8 @@ def bench(as_json: Json = False) -> None:
     rows = [(one["name"], f"{one['value']:.3g}", one["unit"]) for one in result["results"]]
     show.table(("figure", "value", "unit"), rows)
     for one in result["results"]:
-        if one["beside"]:
-            show.say(f"For comparison with {one['name']}: {one['beside']}.")
+        if one["comparison"]:
+            show.say(f"For comparison with {one['name']}: {one['comparison']}.")
     show.say(result["machine"])
 
 
