@@ -14,7 +14,6 @@ from trackprofile.errors import DataError, ModelError
 from trackprofile.io.model_toml import read_track, read_vehicle
 from trackprofile.methods.cross_entropy import cross_entropy_kernels as kernels
 from trackprofile.methods.cross_entropy.estimator import (
-    INTERRUPTED,
     cross_entropy,
     sensor_weights,
 )
@@ -29,6 +28,7 @@ from trackprofile.methods.cross_entropy.search_settings import (
     SearchSettings,
     Variant,
 )
+from trackprofile.methods.registry import INTERRUPTED
 from trackprofile.models.integrate import wilson
 from trackprofile.models.irregularity import Bell
 from trackprofile.models.sensor import PITCH_RATE, VERTICAL_ACCELERATION, Sensor

@@ -201,7 +201,7 @@ def test_resume_is_of_the_smoother_only(
             ]
         )
     assert ended.value.code == 1
-    assert "--resume is not of the method cross-entropy" in capsys.readouterr().err
+    assert "--resume has no effect with --method cross-entropy" in capsys.readouterr().err
 
 
 def command(folder: Path, name: str, *more: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +13,7 @@ import typer
 from trackprofile.cli import show
 from trackprofile.cli.options import From, Json, OptionalVehicle, To, TrackName, flag, read_as
 from trackprofile.errors import DataError
+from trackprofile.methods.registry import INTERRUPTED, METHODS
 
 if TYPE_CHECKING:
     from trackprofile.checkpoint import CheckpointStore
@@ -21,11 +22,13 @@ INTERRUPTED_EXIT = 130
 """Exit code of a command that Ctrl-C ended, as shells define it."""
 
 
-class Method(StrEnum):
-    """Methods of `infer`."""
+if TYPE_CHECKING:
+    MethodName = str
+else:
+    # The choices of --method are those of the registry, so that a new method needs no change here.
+    MethodName = StrEnum("MethodName", {name: name for name in METHODS})
 
-    SMOOTHER = "smoother"
-    CROSS_ENTROPY = "cross-entropy"
+DEFAULT_METHOD = MethodName("smoother")
 
 
 class Evaluation(StrEnum):
@@ -55,12 +58,12 @@ def infer(
     vehicle: OptionalVehicle = None,
     track: TrackName = "rigid",
     method: Annotated[
-        Method,
+        MethodName,
         typer.Option(
             help="smoother: a Kalman smoother, with standard deviations. cross-entropy: the search published in 2017, "
-            "which gives no standard deviations."
+            "which gives no standard deviations.",
         ),
-    ] = Method.SMOOTHER,
+    ] = DEFAULT_METHOD,
     prior: Annotated[
         str | None,
         typer.Option(
@@ -135,11 +138,9 @@ def infer(
     """
     from trackprofile.checkpoint import checkpoint_key, checkpoint_store
     from trackprofile.contracts import select_stretch
-    from trackprofile.inference.infer import estimate
-    from trackprofile.inference.settings import InferenceSettings
-    from trackprofile.io.model_toml import read_spectrum, read_track
+    from trackprofile.io.model_toml import read_track
     from trackprofile.io.vehicle_of_recording import vehicle_of_recording
-    from trackprofile.methods.cross_entropy.search_toml import read_search
+    from trackprofile.methods.method import load_method, method_settings
     from trackprofile.reporting.result_files import (
         estimate_files,
         figure_notes,
@@ -147,68 +148,60 @@ def infer(
         write_estimate,
     )
 
-    _check_method_options(
-        method,
-        prior=prior,
-        full_track_correction=full_track_correction,
-        estimate_load=estimate_load,
-        resume=resume,
-        search=search,
-    )
+    options = {
+        "prior": prior,
+        "samples": samples,
+        "full_track_correction": full_track_correction,
+        "estimate_load": estimate_load,
+        "search": search,
+        "evaluation": None if evaluation is Evaluation.AFFINE else evaluation,
+    }
+    _check_method_options(method, options, resume=resume)
     estimate_files(output)
     data = read_as(recording, "recording")
     model, installation = vehicle_of_recording(data, recording, vehicle)
-    settings = InferenceSettings(
-        installation, read_track(track), None if prior is None else read_spectrum(prior), samples, seed,
-        full_track_correction, estimate_load,
-    )  # fmt: skip
-    search_settings = None if search is None else read_search(search)
+    common = {"installation": installation, "track": read_track(track), "seed": seed}
+    settings = method_settings(method, common | _settings_from_options(options))
     data = select_stretch(data, from_m, to_m)
-    checkpoint = None
-    exit_code = 0
-    if method is Method.CROSS_ENTROPY:
-        estimated, exit_code = _cross_entropy(
-            data, model, settings, search_settings, evaluation, as_json=as_json
-        )
-    else:
+    checkpoint, arguments = None, dict[str, Any]()
+    if METHODS[method].resumable:
         checkpoint, notes = checkpoint_store(
             output, checkpoint_key(data, vehicle=model, settings=settings), resume=resume
         )
         show.note(notes)
-        with show.progress_bars() as progress, _interruptible(checkpoint, as_json=as_json):
-            estimated = estimate(data, model, settings, progress=progress, checkpoint=checkpoint)
+        arguments["checkpoint"] = checkpoint
+    function: Any = load_method(method)
+    with show.progress_bars() as progress, _interruptible(checkpoint, as_json=as_json):
+        estimated = function(data, model, settings, progress=progress, **arguments)
     files = list(map(str, write_estimate(estimated, data, output)))
     if checkpoint is not None:
         checkpoint.discard()
     result = summary(estimated)
     result["notes"] += figure_notes(files)
     if as_json:
-        show.as_one_object({"files": files, "method": method.value} | result)
+        show.as_one_object({"files": files, "method": str(method)} | result)
     else:
         show.profile(files, result)
-    if exit_code:
-        raise typer.Exit(exit_code)
+    if stopped := getattr(estimated, "stopped", ""):
+        raise typer.Exit(INTERRUPTED_EXIT if stopped == INTERRUPTED else 1)
 
 
-def _cross_entropy(
-    data: Any, model: Any, settings: Any, search: Any, evaluation: Evaluation, *, as_json: bool
-) -> tuple[Any, int]:
-    """The estimate of the cross-entropy search, and the exit code: not 0 if it ended early."""
-    from trackprofile.methods.cross_entropy import search_settings
-    from trackprofile.methods.cross_entropy.estimator import INTERRUPTED, cross_entropy
+def _settings_from_options(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The given options as settings of a method: files are read, names become members of enumerations."""
+    given = {name: value for name, value in options.items() if value not in (None, False)}
+    if "prior" in given:
+        from trackprofile.io.model_toml import read_spectrum
 
-    method_settings = search_settings.CrossEntropySettings(
-        settings.installation,
-        settings.track,
-        search,
-        search_settings.Evaluation(evaluation.value),
-        settings.seed,
-    )
-    with show.progress_bars() as progress, _interruptible(None, as_json=as_json):
-        estimated = cross_entropy(data, model, method_settings, progress=progress)
-    if not estimated.stopped:
-        return estimated, 0
-    return estimated, INTERRUPTED_EXIT if estimated.stopped == INTERRUPTED else 1
+        given["prior"] = read_spectrum(given["prior"])
+    if "search" in given:
+        from trackprofile.methods.cross_entropy.search_toml import read_search
+
+        given["search"] = read_search(given["search"])
+    if "evaluation" in given:
+        from trackprofile.methods.cross_entropy import search_settings
+
+        given["evaluation"] = search_settings.Evaluation(given["evaluation"].value)
+    return given
 
 
 @contextmanager
@@ -229,12 +222,14 @@ def _interruptible(checkpoint: CheckpointStore | None, *, as_json: bool) -> Iter
         raise typer.Exit(INTERRUPTED_EXIT) from None
 
 
-def _check_method_options(method: Method, **options: object) -> None:
-    """Refuse options of the other method, which would have no effect."""
-    other = {"search"} if method is Method.SMOOTHER else set(options) - {"search"}
-    for name in sorted(other):
-        if options[name]:
+def _check_method_options(method: str, options: Mapping[str, object], *, resume: bool) -> None:
+    """Refuse options that the method does not have, because they would have no effect."""
+    from trackprofile.methods.method import setting_names
+
+    known = {*setting_names(method), *(["resume"] if METHODS[method].resumable else [])}
+    for name, value in {**options, "resume": resume}.items():
+        if value and name not in known:
             raise DataError(
-                f"--{name.replace('_', '-')} has no effect with --method {method.value}; leave it out, or choose the "
-                "other method."
+                f"--{name.replace('_', '-')} has no effect with --method {method}; leave it out, or choose another "
+                "method."
             )

@@ -48,6 +48,8 @@ class MethodResult(Protocol):
     sample_distance : (samples,), position of the leading wheel, m
     notes : assumptions and problems, one sentence each
     figures : statistics of the estimation, by name
+
+    A method that can end early also has ``stopped``, the reason as text, empty where it did not.
     """
 
     @property
@@ -101,6 +103,17 @@ def load_method(name: str) -> EstimationMethod:
     return _imported(_entry(name).function)
 
 
+def setting_names(name: str) -> tuple[str, ...]:
+    """Names of a method's settings.
+
+    Examples
+    --------
+    >>> setting_names("cross-entropy")
+    ('installation', 'track', 'search', 'evaluation', 'seed')
+    """
+    return tuple(one.name for one in fields(_imported(_entry(name).settings)))
+
+
 def method_settings(name: str, values: Mapping[str, Any]) -> Any:
     """Settings of a method from values by name; None stands for the default.
 
@@ -114,13 +127,13 @@ def method_settings(name: str, values: Mapping[str, Any]) -> Any:
     >>> method_settings("cross-entropy", {"seed": 3, "search": None}).seed
     3
     """
-    settings = _imported(_entry(name).settings)
-    known = [one.name for one in fields(settings)]
+    known = setting_names(name)
     for one in values:
         if one not in known:
             raise ModelError(
                 f"the method {name!r} has no setting {one!r}; its settings are {', '.join(known)}"
             )
+    settings = _imported(_entry(name).settings)
     return settings(**{key: value for key, value in values.items() if value is not None})
 
 

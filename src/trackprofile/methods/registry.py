@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+INTERRUPTED = "interrupted"
+"""Value of ``stopped`` of a result that Ctrl-C ended early."""
+
 
 @dataclass(frozen=True)
 class MethodEntry:
@@ -14,12 +17,14 @@ class MethodEntry:
     function, settings : module and name of the function and of the settings class, as "module:name"
     summary : one sentence, for help texts and tables
     source : publication
+    resumable : whether the function takes ``checkpoint``, a mapping of solved parts, and continues from it
     """
 
     function: str
     settings: str
     summary: str
     source: str
+    resumable: bool = False
 
 
 METHODS: dict[str, MethodEntry] = {
@@ -28,6 +33,7 @@ METHODS: dict[str, MethodEntry] = {
         "trackprofile.inference.settings:InferenceSettings",
         "optimal smoother with a Markov prior of the profile; gives the uncertainty of every point and band",
         "docs/theory.md, section 7",
+        resumable=True,
     ),
     "cross-entropy": MethodEntry(
         "trackprofile.methods.cross_entropy.estimator:cross_entropy",

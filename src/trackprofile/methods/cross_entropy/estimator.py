@@ -31,13 +31,12 @@ from trackprofile.methods.cross_entropy.search_settings import (
     Evaluation,
     SearchSettings,
 )
+from trackprofile.methods.registry import INTERRUPTED
 from trackprofile.models.integrate import wilson
 from trackprofile.models.kinematics import along_track
 from trackprofile.models.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-INTERRUPTED = "interrupted"
 
 MINIMUM_REACTION = 0.01
 """Minimum reaction of a sensor to an elevation within the window, as a share of its strongest reaction."""
