@@ -113,7 +113,7 @@ def test_profile_from_a_file_gives_the_result_of_the_formula(tmp_path: Path) -> 
         ('kind = "bell"', 'kind = "hole"', "kind"),
         ('width = "0.5 m"', 'widht = "0.5 m"', "irregularity 1: unknown key 'widht'; the keys of this table are"),
         ('width = "0.5 m"', 'width = "0.5 kg"', "width: unit 'kg' is not a unit of length"),
-        ('width = "0.5 m"', "width = 0.5", "width: expected text: a number and its unit of length"),
+        ('width = "0.5 m"', "width = 0.5", "width: expected text with a number and a unit of length"),
         ('run_in = "20 m"', 'runin = "20 m"', "unknown key 'runin' in run"),
         ('end = "30 m"', 'end = "0.1 m"', "less than two samples"),
         ('sampling = "500 Hz"', 'sampling = "500 Hz"\nseed = -1', "seed"),
