@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from narrowing import floats
 from trackprofile.assessment.assess import assess
-from trackprofile.assessment.errors_in_band import Colour, colour_of
+from trackprofile.assessment.errors_in_band import Colour, error_spectrum
 from trackprofile.assessment.exceedance import exceedance_probability
 from trackprofile.assessment.levels import NotAssessedReason, band_levels
 from trackprofile.assessment.limits import Action, DefectLimits, Limits, QualityClasses
@@ -97,11 +97,11 @@ def test_a_probability_lies_between_0_and_1_and_falls_with_the_limit(
     assert 0.0 <= high <= low <= 1.0
 
 
-def test_the_colour_of_the_error_is_found_from_two_bands() -> None:
+def test_the_error_spectrum_the_error_is_found_from_two_bands() -> None:
     for slope in (1.0, 3.0, 5.0):
         deviations = {band.name: band_deviation(band, slope) for band in BANDS}
         for band in BANDS:
-            assert colour_of(band, deviations).slope == pytest.approx(slope, abs=0.1)
+            assert error_spectrum(band, deviations).slope == pytest.approx(slope, abs=0.1)
 
 
 def test_correlation_and_wavenumber_of_the_error_are_those_of_filtered_noise() -> None:
@@ -254,7 +254,7 @@ def test_a_defect_below_the_limit_is_listed_if_the_truth_may_exceed_it() -> None
     found = assess(profile, EN, 80 * KM_H, bands=[D1])
     inner = [one for one in found.defects if 100 < one.start < 900]
     assert len(inner) > 100
-    assert all(one.exceeded is None and one.likely is None for one in inner)
+    assert all(one.exceeded is None and one.required_action is None for one in inner)
     assert all(0.1 < one.probabilities[Action.ALERT] < 0.4 for one in inner)
     assert not assess(profile, EN, 80 * KM_H, bands=[D1], least_probability=0.6).defects
 

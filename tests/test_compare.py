@@ -58,7 +58,7 @@ def test_features_at_larger_distance_are_a_positive_lag(lag):
 def test_rms_of_the_reference_and_of_the_error_are_those_of_the_band():
     """A wave in the middle of D1 that the profile alone has is D1's error and no other's."""
     wave = 2e-3 * np.sin(2 * np.pi * DISTANCE / 8.0)
-    result = compare(profile(DISTANCE, elevation(DISTANCE) + wave), REFERENCE, largest_lag=0)
+    result = compare(profile(DISTANCE, elevation(DISTANCE) + wave), REFERENCE, max_lag=0)
     assert not_none(result.bands["D1"]).rms_error_mm == pytest.approx(2 / np.sqrt(2), rel=0.01)
     assert not_none(result.bands["D2"]).rms_error_mm < 0.02
     for band in (D1, D2, D3):
@@ -155,7 +155,7 @@ def test_pieces_shorter_than_the_band_are_left_out_of_it_alone():
     """50 m before a gap carry D1 but not D2: an error there is seen in D1 only."""
     values = elevation(DISTANCE) + np.where(DISTANCE < 1050, NOISE[0], 0)
     values[(DISTANCE >= 1050) & (DISTANCE < 1060)] = np.nan
-    result = compare(profile(DISTANCE, values), REFERENCE, largest_lag=0)
+    result = compare(profile(DISTANCE, values), REFERENCE, max_lag=0)
     assert not_none(result.bands["D1"]).rms_error_mm > 0.01
     assert not_none(result.bands["D2"]).rms_error_mm < 1e-6
 
@@ -176,7 +176,7 @@ def test_a_flat_profile_has_no_correlation_and_says_so():
 
 
 def test_a_lag_at_the_end_of_the_range_is_said():
-    result = compare(profile(DISTANCE, elevation(DISTANCE, 1.5)), REFERENCE, largest_lag=1.0)
+    result = compare(profile(DISTANCE, elevation(DISTANCE, 1.5)), REFERENCE, max_lag=1.0)
     assert not_none(result.bands["D1"]).lag_m == pytest.approx(1.0)
     assert "farther apart" in result.notes[0]
 

@@ -49,7 +49,7 @@ def test_rate_of_a_settling_place_is_the_true_one_within_what_it_states() -> Non
         assert found.rate is not None
         true = 0.001 / 30 * SHAPE["D1"]
         misses.append((found.rate.per_day - true) / found.rate.deviation)
-        assert found.straight
+        assert found.is_linear
         assert [day for _, day in found.passes] == [
             FIRST + timedelta(days=30 * k) for k in range(5)
         ]
@@ -67,9 +67,9 @@ def test_order_of_the_passes_is_of_no_matter() -> None:
 def test_work_on_the_track_is_no_straight_line_and_the_passes_since_are() -> None:
     depths = [0.002, 0.004, 0.006, 0.0, 0.002, 0.004]  # tamped after the third
     passes = [passing(30 * k, depth, seed=k, error=2e-5) for k, depth in enumerate(depths)]
-    assert not development(passes, D1, 1000.0).straight
+    assert not development(passes, D1, 1000.0).is_linear
     since = development(passes[3:], D1, 1000.0)
-    assert since.straight
+    assert since.is_linear
     assert since.rate is not None
     assert since.rate.per_day == pytest.approx(0.002 / 30 * SHAPE["D1"], rel=0.05)
 
@@ -78,11 +78,11 @@ def test_a_limit_is_reached_when_the_line_reaches_it() -> None:
     passes = [passing(30 * k, 0.002 * k, seed=20 + k, error=1e-5) for k in range(5)]
     found = development(passes, D1, 1000.0, {Action.ALERT: 0.008, Action.INTERVENTION: 0.010})
     assert found.rate is not None
-    for one in found.reached:
+    for one in found.limit_crossings:
         days = (one.limit - abs(found.rate.level)) / abs(found.rate.per_day)
         assert one.median is not None
         assert (one.median - passes[-1].day).days == pytest.approx(days, abs=1.01)
-    level, deviation = found.rate.ahead(np.array([-60.0, 0.0, 60.0]))
+    level, deviation = found.rate.predict(np.array([-60.0, 0.0, 60.0]))
     assert np.diff(level) == pytest.approx(60 * found.rate.per_day)
     assert deviation[1] < deviation[2]
 
@@ -96,8 +96,8 @@ def test_a_pass_that_may_not_be_judged_there_is_left_out_by_name(
     passes = [passing(30 * k, 0.001 * k, seed=k) for k in range(3)]
     passes[1] = with_flag(passes[1], flag, 995.0, 1005.0)
     found = development(passes, D1, 1000.0)
-    assert list(found.left_out) == [passes[1].name]
-    assert reason in found.left_out[passes[1].name]
+    assert list(found.excluded) == [passes[1].name]
+    assert reason in found.excluded[passes[1].name]
     assert len(found.passes) == 2
     # 60 m on, it tells as well as the others
     assert len(development(passes, D1, 1060.0).passes) == 3
@@ -114,7 +114,7 @@ def test_the_first_pass_may_be_the_one_that_does_not_tell() -> None:
 def test_one_pass_has_a_level_as_it_states_and_no_rate() -> None:
     one = passing(0, 0.001, seed=3)
     found = development([one], D1, 1000.0)
-    assert (found.rate, found.straightness, found.reached) == (None, None, ())
+    assert (found.rate, found.linearity_p_value, found.limit_crossings) == (None, None, ())
     assert found.deviation[0] == pytest.approx(one.profile["standard_deviation_D1"][PLACE])
     expected = band_pass(one.profile["elevation"].to_numpy(), SPACING, D1)[PLACE]
     assert found.level[0] == pytest.approx(expected)

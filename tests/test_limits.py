@@ -75,7 +75,7 @@ def test_only_the_two_rows_that_were_read_in_a_source_count_as_verified() -> Non
 @pytest.mark.parametrize("name", limit_presets())
 def test_every_preset_says_where_each_number_comes_from(name: str) -> None:
     limits = read_limits(name)
-    ones = (*limits.defects, *limits.classes, *limits.accuracies, limits.duties)
+    ones = (*limits.defects, *limits.classes, *limits.accuracies, limits.action_texts)
     assert all(one is not None and one.source for one in ones)
 
 

@@ -91,7 +91,7 @@ def test_each_rail_is_found_to_the_limit_and_its_interval_holds_it(boxes) -> Non
     _, truth, found = boxes
     least = accuracy_bound_per_rail(WAGON, RigidTrack(), BOXES, SPEED, MEAN)
     for rail in Rail:
-        one = compare(select_rail(found.profile, rail), select_rail(truth, rail), largest_lag=0.0)
+        one = compare(select_rail(found.profile, rail), select_rail(truth, rail), max_lag=0.0)
         d1 = one.bands["D1"]
         assert d1 is not None
         assert d1.coverage_95 is not None
@@ -165,9 +165,7 @@ def test_a_gyroscope_tells_the_difference_without_a_pair() -> None:
     found = infer(recording, WAGON)
     least = accuracy_bound_per_rail(WAGON, RigidTrack(), sensors, SPEED, MEAN)
     for rail in Rail:
-        d1 = compare(select_rail(found, rail), select_rail(truth, rail), largest_lag=0.0).bands[
-            "D1"
-        ]
+        d1 = compare(select_rail(found, rail), select_rail(truth, rail), max_lag=0.0).bands["D1"]
         assert d1 is not None
         assert d1.rms_error_mm < 1.35e3 * least[rail]["D1"], rail
 

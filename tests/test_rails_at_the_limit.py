@@ -195,7 +195,7 @@ def test_the_interval_of_each_rail_holds_it(place: str, capsys: pytest.CaptureFi
         truth = with_rails(truth, rails)
         for rail in Rail:
             bands = compare(
-                select_rail(found, rail), select_rail(truth, rail), from_m=200.0, to_m=length - 200.0, largest_lag=0.0
+                select_rail(found, rail), select_rail(truth, rail), from_m=200.0, to_m=length - 200.0, max_lag=0.0
             ).bands  # fmt: skip
             inside += [
                 (rail, band, one.coverage_95, one.rms_error_mm, one.stated_rms_mm)
@@ -249,7 +249,7 @@ def test_real_rails_are_told_apart_under_a_simulated_car(
             select_rail(truth, rail),
             from_m=200.0,
             to_m=1970.0,
-            largest_lag=0.0,
+            max_lag=0.0,
         ).bands
         for band in ("D1", "D2"):
             one = bands[band]

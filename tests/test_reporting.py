@@ -96,8 +96,8 @@ def test_tables_contain_every_defect_and_section(assessment) -> None:
     assert len(result["sections"]["band"]) == len(assessment.sections)
     deepest = int(np.argmin(result["defects"]["height_mm"]))
     assert result["defects"]["peak_kilometre"][deepest] == pytest.approx(38.35, abs=0.01)
-    assert result["defects"]["likely"][deepest] == "immediate action"
-    assert result["defects"]["obliges_to"][deepest].startswith("reduce the risk")
+    assert result["defects"]["required_action"][deepest] == "immediate action"
+    assert result["defects"]["required_action_text"][deepest].startswith("reduce the risk")
     assert set(result["not_assessed"]["reasons"]) >= {"gap", "edge"}
     assert result["spectra"]["nearest_spectrum"] == ["fra-6"] * 3
 
@@ -225,7 +225,7 @@ def test_assess_prints_a_summary_and_writes_tables(profile, tmp_path: Path, run:
     assert "1 location requires immediate action: km 38.350" in out
     assert "not verified" in err
     rows = list(csv.DictReader((tmp_path / "a-defects.csv").read_text().splitlines()))
-    assert {"height_mm", "probability_alert", "obliges_to"} <= rows[0].keys()
+    assert {"height_mm", "probability_alert", "required_action_text"} <= rows[0].keys()
     assert json.loads(outputs[2].read_text())["type"] == "FeatureCollection"
     names = sorted(path.name for path in tmp_path.iterdir())
     assert [f"a-{one}.parquet" for one in ("defects", "not_assessed", "sections", "spectra")] == [

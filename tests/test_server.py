@@ -153,7 +153,7 @@ def test_level_states_limits_and_stretches_not_assessed(
     strip = ask(client, "level", **LAST, band="D1")
     heights = not_none(EN.defects_at("D1", SPEED)).heights
     assert [(one["action"], one["height_mm"]) for one in strip["limits"]] == [
-        (action.words, pytest.approx(1e3 * heights[action])) for action in Action
+        (action.text, pytest.approx(1e3 * heights[action])) for action in Action
     ]
     rows = read_table(dated_store, [entry_of(dated_store, DAYS[-1])], "not_assessed")
     expected = [

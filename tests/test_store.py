@@ -316,7 +316,9 @@ def test_an_entry_has_the_standard_deviations_gaps_and_defects_of_its_pass(
     deviation = profile["standard_deviation_D2"].to_numpy()
     assert entry.standard_deviations["D2"] == np.median(deviation[known])
     found = assessed(profile)
-    assert sum(entry.defects.values()) == sum(one.likely is not None for one in found.defects)
+    assert sum(entry.defects.values()) == sum(
+        one.required_action is not None for one in found.defects
+    )
     assert entry.notes == found.notes
 
 
@@ -484,7 +486,7 @@ def test_find_returns_what_a_search_of_each_entry_returns(
         made = Entry(
             id=entry_id(key, origin), key=key, origin=origin, kind="posterior", start=one["start"],
             end=one["start"] + 150, points=10, known_share=1.0, standard_deviations={},
-            defects={action.words: 0 for action in Action}, notes=(),
+            defects={action.text: 0 for action in Action}, notes=(),
             files={table: stores.StoredFile(1, "0" * 64) for table in stores.DATA},
         )  # fmt: skip
         if made.path(ENTRIES) in entries:

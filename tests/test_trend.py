@@ -80,7 +80,11 @@ def test_the_dip_is_a_settlement_downwards() -> None:
 
 def test_unchanged_track_is_said_to_have_changed_in_one_case_of_twenty() -> None:
     said = [
-        bool(trend([passing(0, seed=2 * k), passing(30, seed=2 * k + 1)], bands=[D1]).places)
+        bool(
+            trend(
+                [passing(0, seed=2 * k), passing(30, seed=2 * k + 1)], bands=[D1]
+            ).changed_locations
+        )
         for k in range(60)
     ]
     assert np.mean(said) <= 0.12  # of 60 cases, 0.05 is known to 0.03
@@ -89,7 +93,7 @@ def test_unchanged_track_is_said_to_have_changed_in_one_case_of_twenty() -> None
 def test_settlement_is_found_with_its_depth_and_place() -> None:
     for k in range(10):
         found = trend([passing(0, seed=k), passing(30, 0.003, seed=50 + k)], bands=[D1])
-        (place,) = found.places
+        (place,) = found.changed_locations
         assert abs(place.peak - 1000.0) < 2.0
         true = band_pass(Dip(0.003, 6.0, 1000.0).at(floats(AT))[0], SPACING, D1)
         assert abs(place.change - true.min()) < 4 * place.deviation
@@ -114,18 +118,18 @@ def test_lag_between_passes_is_found_where_it_drifts() -> None:
     assert np.all(np.abs(found.lag - expected) < 4 * found.deviation)
     assert found.deviation.max() < 0.05
     compared = trend([passing(0, seed=5), moved], bands=[D1])
-    assert not compared.places
+    assert not compared.changed_locations
 
 
 def test_rate_and_date_of_a_limit_follow_a_settlement_that_goes_on() -> None:
     passes = [passing(30 * k, 0.002 * k, seed=20 + k, error=1e-5) for k in range(5)]  # 2 mm a month
     limits = read_limits("en-13848")
     found = trend(passes, limits, 140 * KM_H, bands=[D1])
-    (place,) = found.places
+    (place,) = found.changed_locations
     depth = band_pass(Dip(1.0, 6.0, 1000.0).at(floats(AT))[0], SPACING, D1).min()
     assert place.per_day == pytest.approx(0.002 / 30 * depth, rel=0.02)
     assert not_none(place.per_day_deviation) < 0.01 * abs(not_none(place.per_day))
-    reached = {one.action: one for one in place.reached}
+    reached = {one.action: one for one in place.limit_crossings}
     alert = not_none(limits.defects_at("D1", 140 * KM_H)).heights[Action.ALERT]
     days = (alert - abs(place.level)) / abs(not_none(place.per_day))
     assert (not_none(reached[Action.ALERT].median) - passes[-1].day).days == pytest.approx(
@@ -229,15 +233,15 @@ def test_a_settlement_of_3_mm_over_12_m_is_told_from_repeat_passes() -> None:
     located, false = [], 0
     for seed in range(1, 11):
         settled, same = month(seed, 0.003), month(100 + seed, 0.0)
-        near = [one for one in settled.places if one.band == "D1" and one.change < 0]
+        near = [one for one in settled.changed_locations if one.band == "D1" and one.change < 0]
         assert near, f"seed {seed}"
         deepest = min(near, key=lambda one: one.change)
         located.append(deepest.peak - 250.0)
-        false += bool([one for one in same.places if one.band == "D1"])
+        false += bool([one for one in same.changed_locations if one.band == "D1"])
         sys.stdout.write(
             f"seed {seed}: {1e3 * deepest.change:.2f} ± {1e3 * deepest.deviation:.3f} mm at {deepest.peak:.1f} m; "
-            f"places {[(p.band, round(p.peak), round(1e3 * p.change, 2)) for p in settled.places]}; "
-            f"without {[(p.band, round(p.peak), round(1e3 * p.change, 2)) for p in same.places]}\n"
+            f"places {[(p.band, round(p.peak), round(1e3 * p.change, 2)) for p in settled.changed_locations]}; "
+            f"without {[(p.band, round(p.peak), round(1e3 * p.change, 2)) for p in same.changed_locations]}\n"
         )
     assert np.abs(located).max() < 2.0
     assert false <= 2  # of 10 pairs; one in twenty each
@@ -259,7 +263,7 @@ def test_chance_of_detecting_a_settlement_rises_with_its_depth() -> None:
             judged = assess(after, limits, speed, bands=[D1])
             alone.append(
                 any(
-                    one.likely and abs(one.peak - 254.6) < 6.0 and one.height < 0
+                    one.required_action and abs(one.peak - 254.6) < 6.0 and one.height < 0
                     for one in judged.defects
                 )
             )
@@ -268,7 +272,7 @@ def test_chance_of_detecting_a_settlement_rises_with_its_depth() -> None:
                 DatedProfile(after, FIRST + timedelta(days=30), "after"),
             ]
             found = trend(passes, bands=[D1])
-            between.append(any(abs(one.peak - 250.0) < 6.0 for one in found.places))
+            between.append(any(abs(one.peak - 250.0) < 6.0 for one in found.changed_locations))
         rates.append((float(np.mean(alone)), float(np.mean(between))))
         sys.stdout.write(
             f"{1e3 * depth:g} mm: one pass beyond alert {rates[-1][0]:.0%}, two passes changed {rates[-1][1]:.0%}\n"

@@ -1,5 +1,5 @@
-"""From profiles to decisions: exceedances with their probability, classes, changes, repeatability.
+"""Assessment of profiles: exceedance of limits with probabilities, quality classes, change with time, repeatability.
 
-`assess` judges one profile by limits; `changes` compares two or more of one place. Both give frozen
-results that hold tables: sequences of small dataclasses, in SI units.
+`assess` compares one profile with the limits of its line; `trend` compares several profiles of the same track;
+`compare` compares a profile with a reference. The results are frozen dataclasses in SI units.
 """

@@ -1,8 +1,8 @@
-"""Where one profile's places lie in another: its lag along the line, and how sure that is.
+"""Alignment of two profiles of the same track: the lag between their distances, with its standard deviation.
 
-Two trains never agree on their distance, and the difference drifts. In each window the lag τ makes
-the sum of squared differences Σ (b(x + τ) - a(x))² least; with the residual r and the slope b' its
-variance is Σ Σ b' r r b' / (Σ b'²)², the score's long-run variance (Newey and West 1987).
+Two trains never agree exactly on distance, and the difference drifts. In each window the lag τ minimises the sum of
+squared differences Σ (b(x + τ) - a(x))². With the residual r and the slope b', its variance is
+Σ Σ b' r r b' / (Σ b'²)², where the double sum is the long-run variance of the score (Newey and West 1987).
 """
 
 from __future__ import annotations
@@ -22,35 +22,37 @@ from trackprofile.errors import DataError
 Array = NDArray[np.float64]
 
 WINDOW = 250.0
-"""Over which one lag is taken [m]."""
+"""Length of the windows, each with one lag [m]."""
 
-LARGEST = 30.0
-"""Lag between two passes that is searched for [m]."""
+MAX_LAG = 30.0
+"""Maximum lag between two passes that is searched [m]."""
 
-DRIFT = 2.0
-"""To which the lag of a window may differ from that of the whole [m]."""
+MAX_DRIFT = 2.0
+"""Maximum difference between the lag of a window and the overall lag [m]."""
 
-SEEN = Band("alignment", 3.0, 70.0)
-"""Wavelengths by which profiles are aligned: longer ones say little of a place."""
+ALIGNMENT_BAND = Band("alignment", 3.0, 70.0)
+"""Wavelengths used for the alignment: longer ones hardly determine a lag."""
 
-LEAST = 1e-3
-"""Standard deviation of a lag at least [m]: copies of one profile would know it for certain."""
+MIN_STANDARD_DEVIATION = 1e-3
+"""Minimum standard deviation of a lag [m]; that of two identical profiles would be 0."""
 
-_SPREAD = "standard_deviation"
+_STANDARD_DEVIATION = "standard_deviation"
 
-LIKE = 0.5
-"""Correlation of two windows, below which they do not tell a lag."""
+MIN_CORRELATION = 0.5
+"""Minimum correlation of two windows from which a lag is estimated."""
+
+_MIN_KNOWN_SHARE = 0.8  # of the points of a window
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How much farther along a profile's places stand than those of the first.
+    """Lag of a profile's distance behind that of a reference profile.
 
     Parameters
     ----------
-    distance : middles of windows and the two ends, in the first profile's distance (n) [m]
-    lag : there (n) [m]
-    deviation : standard deviation of it (n) [m]
+    distance : centres of the windows and both ends, in the reference's distance, (n,) [m]
+    lag : the profile's distance minus the reference's distance at the same location, (n,) [m]
+    deviation : standard deviation of the lag, (n,) [m]
     """
 
     distance: Array
@@ -58,23 +60,23 @@ class Alignment:
     deviation: Array
 
     def at(self, distance: Array) -> tuple[Array, Array]:
-        """Lag and its standard deviation at some distances of the first profile (n) [m]."""
+        """Lag and its standard deviation at distances of the reference, (n,) [m]."""
         return (
             np.interp(distance, self.distance, self.lag),
             np.interp(distance, self.distance, self.deviation),
         )
 
-    def moved(self, profile: xr.Dataset) -> xr.Dataset:
-        """The profile, with its points where the first profile has them."""
+    def shifted(self, profile: xr.Dataset) -> xr.Dataset:
+        """The profile with distances of the reference."""
         own = profile["distance"].to_numpy()
-        first = own - np.interp(own, self.distance + self.lag, self.lag)
-        return profile.assign_coords(distance=("distance", first, profile["distance"].attrs))
+        aligned = own - np.interp(own, self.distance + self.lag, self.lag)
+        return profile.assign_coords(distance=("distance", aligned, profile["distance"].attrs))
 
 
-def on_common_grid(profiles: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """All profiles at the places of the first that all of them know, a gap in one being a gap in all.
+def resample_to_common_grid(profiles: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """Resample profiles to the points of the first within the range that all cover; a gap in one is a gap in all.
 
-    A band's filter feels where a profile ends: of ends that differ it would make a change.
+    The output of a band filter depends on where a profile ends, so that different ends would appear as a change.
     """
     first = profiles[0]["distance"].to_numpy()
     start = max(float(one["distance"][0]) for one in profiles)
@@ -83,28 +85,29 @@ def on_common_grid(profiles: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     levels = [resample(one["distance"], known_elevation(one), grid) for one in profiles]
     unknown = np.isnan(levels).any(axis=0)
     return [
-        _at(one, grid, np.where(unknown, np.nan, level))
+        _resampled(one, grid, np.where(unknown, np.nan, level))
         for one, level in zip(profiles, levels, strict=True)
     ]
 
 
-def _at(profile: xr.Dataset, grid: Array, level: Array) -> xr.Dataset:
-    """A profile on another grid, with the level it has there."""
+def _resampled(profile: xr.Dataset, grid: Array, level: Array) -> xr.Dataset:
+    """A profile on another grid, with a given elevation."""
     own = profile["distance"].to_numpy()
     nearest = np.searchsorted((own[1:] + own[:-1]) / 2, grid)
     flags = profile["quality"].to_numpy()[nearest]
-    spreads = {
+    deviations = {
         str(name): np.interp(grid, own, profile[name])
         for name in profile.data_vars
-        if str(name).startswith(_SPREAD)
+        if str(name).startswith(_STANDARD_DEVIATION)
     }
     return build_profile(
         grid,
         level,
         kind=profile.attrs["kind"],
-        standard_deviation=spreads.pop(_SPREAD, None),
+        standard_deviation=deviations.pop(_STANDARD_DEVIATION, None),
         band_standard_deviations={
-            name.removeprefix(f"{_SPREAD}_"): values for name, values in spreads.items()
+            name.removeprefix(f"{_STANDARD_DEVIATION}_"): values
+            for name, values in deviations.items()
         },
         quality=np.where(np.isnan(level), flags | Quality.GAP, flags),
         vehicle=profile.attrs["vehicle"],
@@ -113,103 +116,108 @@ def _at(profile: xr.Dataset, grid: Array, level: Array) -> xr.Dataset:
 
 def align(
     profile: xr.Dataset,
-    first: xr.Dataset,
+    reference: xr.Dataset,
     name: str,
-    largest: float = LARGEST,
-    seen: Band = SEEN,
-    least: float = LEAST,
+    *,
+    max_lag: float = MAX_LAG,
+    band: Band = ALIGNMENT_BAND,
+    min_standard_deviation: float = MIN_STANDARD_DEVIATION,
     window: float = WINDOW,
 ) -> Alignment:
-    """Find the lag of a profile behind the first, window by window.
+    """Estimate the lag of a profile behind a reference profile, window by window.
 
     Parameters
     ----------
-    profile, first : profile contracts
-    name : of the profile, for messages
-    largest : lag that is searched to both sides [m]
-    seen : wavelengths by which they are aligned; the shorter, the sharper, as far as the profiles know them
-    least : standard deviation that a window's lag has at least [m]
-    window : over which one lag is taken [m]; the shorter, the better a bend is followed, and the less a window tells
+    profile, reference : profile contracts
+    name : name of the profile, for messages
+    max_lag : maximum lag that is searched to both sides [m]
+    band : wavelengths used; shorter ones determine the lag more precisely, if the profiles contain them
+    min_standard_deviation : minimum standard deviation of a window's lag [m]
+    window : length of the windows [m]; shorter windows follow a varying lag better, with less data each
 
     Raises
     ------
-    DataError : the two do not overlap, or nowhere look alike.
+    DataError : the two do not overlap, or do not correlate in any window.
     """
-    spacing = float(np.median(np.diff(first["distance"].to_numpy())))
-    grid, a, b = _both(profile, first, name, spacing, seen)
-    whole = _whole_lag(a, b, spacing, largest)
-    if whole is None:
+    spacing = float(np.median(np.diff(reference["distance"].to_numpy())))
+    grid, a, b = _in_band(profile, reference, name, spacing, band)
+    overall = _overall_lag(a, b, spacing, max_lag)
+    if overall is None:
         raise DataError(
-            f"{name}: within {largest:g} m nothing of it looks like the first profile; give profiles of the same "
-            "track, with distances from the same origin."
+            f"{name}: it does not correlate with the first profile at any lag up to {max_lag:g} m; give profiles of "
+            "the same track, with distances from the same origin."
         )
     distance, lags, deviations = [], [], []
     count = min(round(window / spacing), grid.size)
     for start in range(0, grid.size - count + 1, count):
-        here = slice(start, start + count)
-        told = _window_lag(a, b, here, whole, spacing, round(seen.longest / spacing))
-        if told:
+        estimate = _window_lag(
+            a, b, slice(start, start + count), overall, spacing, round(band.longest / spacing)
+        )
+        if estimate:
             distance.append(float(grid[start : start + count].mean()))
-            lags.append(told[0])
-            deviations.append(max(told[1], least))
+            lags.append(estimate[0])
+            deviations.append(max(estimate[1], min_standard_deviation))
     if not distance:
         raise DataError(
-            f"{name}: in no window of {window:g} m does it look like the first profile; the two are of other track, "
-            "or too rough to compare."
+            f"{name}: it does not correlate with the first profile in any window of {window:g} m; the two are of "
+            "different track, or too noisy to compare."
         )
-    wanted = np.unique([grid[0], *distance, grid[-1]])
-    return _smooth_lag(np.array(distance), np.array(lags), np.array(deviations), wanted)
+    nodes = np.unique([grid[0], *distance, grid[-1]])
+    return _smooth_lag(np.array(distance), np.array(lags), np.array(deviations), nodes)
 
 
-def _smooth_lag(distance: Array, lag: Array, deviation: Array, wanted: Array) -> Alignment:
-    """The lag as a random walk about a straight line, given each window's.
+def _smooth_lag(distance: Array, lag: Array, deviation: Array, nodes: Array) -> Alignment:
+    """Gaussian process regression of the windows' lags: a random walk about a straight line.
 
-    How fast it walks is what makes the windows' lags most probable: where track changed, a window is misled, says so
-    by its deviation, and is overruled by its neighbours.
+    The step size of the walk maximises the marginal likelihood of the windows' lags. Where the track changed, the lag
+    of a window is wrong, but its standard deviation is large and the neighbours prevail.
     """
-    # A wheel worn otherwise makes the lag grow evenly.
+    # Different wheel wear makes the lag grow linearly.
     line = np.polyfit(distance, lag, min(1, lag.size - 1), w=1 / deviation)
-    off, every = lag - np.polyval(line, distance), np.concatenate([distance, wanted])
-    apart = np.abs(every[:, None] - every) / WINDOW
-    told = distance.size
-    best, found = -np.inf, (np.zeros(wanted.size), np.zeros(wanted.size))
-    for walk in np.geomspace(1e-4, 1.0, 13):
-        variogram = 0.5 * walk**2 * apart
-        # Only differences count in a walk: its level may vary by any large amount.
+    residual, points = lag - np.polyval(line, distance), np.concatenate([distance, nodes])
+    separation = np.abs(points[:, None] - points) / WINDOW
+    count = distance.size
+    best = -np.inf
+    mean, standard_deviation = np.zeros(nodes.size), np.zeros(nodes.size)
+    for step in np.geomspace(1e-4, 1.0, 13):
+        variogram = 0.5 * step**2 * separation
+        # A random walk determines differences only: the variance of its level is any large value.
         prior = max(1.0, float(variogram.max())) - variogram
-        factor = cho_factor(prior[:told, :told] + np.diag(deviation**2))
-        logarithm = -np.sum(np.log(np.diag(factor[0]))) - 0.5 * float(off @ cho_solve(factor, off))
-        if logarithm > best:
-            best, cross = logarithm, prior[told:, :told]
+        factor = cho_factor(prior[:count, :count] + np.diag(deviation**2))
+        log_likelihood = -np.sum(np.log(np.diag(factor[0]))) - 0.5 * float(
+            residual @ cho_solve(factor, residual)
+        )
+        if log_likelihood > best:
+            best, cross = log_likelihood, prior[count:, :count]
             gain = cho_solve(factor, cross.T).T
-            spread = np.diag(prior)[told:] - np.einsum("ij,ij->i", gain, cross)
-            found = (gain @ off, np.sqrt(np.maximum(spread, 0.0)))
-    return Alignment(wanted, np.polyval(line, wanted) + found[0], found[1])
+            variance = np.diag(prior)[count:] - np.einsum("ij,ij->i", gain, cross)
+            mean, standard_deviation = gain @ residual, np.sqrt(np.maximum(variance, 0.0))
+    return Alignment(nodes, np.polyval(line, nodes) + mean, standard_deviation)
 
 
-def _both(
-    profile: xr.Dataset, first: xr.Dataset, name: str, spacing: float, seen: Band
+def _in_band(
+    profile: xr.Dataset, reference: xr.Dataset, name: str, spacing: float, band: Band
 ) -> tuple[Array, Array, Array]:
-    """A common grid, and the first profile and the other in the band of alignment, NaN in gaps."""
-    ends = [one["distance"].to_numpy()[[0, -1]] for one in (first, profile)]
+    """A common grid, and the reference and the profile in the band, NaN in gaps."""
+    ends = [one["distance"].to_numpy()[[0, -1]] for one in (reference, profile)]
     start, end = max(one[0] for one in ends), min(one[1] for one in ends)
-    if end - start < SEEN.longest:
+    if end - start < ALIGNMENT_BAND.longest:
         spans = " and ".join(f"{one[0]:g} to {one[1]:g} m" for one in ends)
         raise DataError(
-            f"{name}: it shares less than {SEEN.longest:g} m with the first profile ({spans}); compare profiles of "
-            "the same track, with distances from the same origin."
+            f"{name}: it shares less than {ALIGNMENT_BAND.longest:g} m with the first profile ({spans}); compare "
+            "profiles of the same track, with distances from the same origin."
         )
     grid = np.asarray(start + spacing * np.arange(int((end - start) / spacing) + 1), np.float64)
     a, b = (
-        band_pass_pieces(resample(one["distance"], known_elevation(one), grid), spacing, seen)
-        for one in (first, profile)
+        band_pass_pieces(resample(one["distance"], known_elevation(one), grid), spacing, band)
+        for one in (reference, profile)
     )
     return grid, a, b
 
 
-def _whole_lag(a: Array, b: Array, spacing: float, largest: float) -> int | None:
-    """Steps of the grid by which the correlation of all is greatest; None where none is."""
-    reach = min(round(largest / spacing), a.size // 2)
+def _overall_lag(a: Array, b: Array, spacing: float, max_lag: float) -> int | None:
+    """The lag of highest correlation over the whole range, in grid steps; None if no correlation is positive."""
+    reach = min(round(max_lag / spacing), a.size // 2)
     steps = np.arange(-reach, reach + 1)
     correlations = [_correlation(*_overlap(a, b, int(step))) for step in steps]
     best = int(np.argmax(correlations))
@@ -217,7 +225,7 @@ def _whole_lag(a: Array, b: Array, spacing: float, largest: float) -> int | None
 
 
 def _overlap(a: Array, b: Array, step: int) -> tuple[Array, Array]:
-    """a, and b that many steps on, where both are known."""
+    """a, and b shifted by a number of steps, at the points where both are known."""
     low, high = max(0, -step), min(a.size, b.size - step)
     one, other = a[low:high], b[low + step : high + step]
     known = np.isfinite(one) & np.isfinite(other)
@@ -230,32 +238,32 @@ def _correlation(one: Array, other: Array) -> float:
 
 
 def _window_lag(
-    a: Array, b: Array, window: slice, whole: int, spacing: float, memory: int
+    a: Array, b: Array, window: slice, overall: int, spacing: float, memory: int
 ) -> tuple[float, float] | None:
-    """Lag and its standard deviation in one window [m]; None where it tells none.
+    """Lag and its standard deviation in one window [m]; None if the window does not determine one.
 
-    The residual hangs together over the longest wave, of ``memory`` points.
+    The residual is correlated over ``memory`` points, the longest wavelength.
     """
-    reach = round(DRIFT / spacing)
-    here = np.arange(window.start, window.stop)
+    reach = round(MAX_DRIFT / spacing)
+    points = np.arange(window.start, window.stop)
     slope = np.gradient(b, spacing)
     costs = []
-    for step in range(whole - reach, whole + reach + 1):
-        inside = (here + step >= 0) & (here + step < b.size)
-        difference = b[(here + step)[inside]] - a[here[inside]]
+    for step in range(overall - reach, overall + reach + 1):
+        inside = (points + step >= 0) & (points + step < b.size)
+        difference = b[(points + step)[inside]] - a[points[inside]]
         known = np.isfinite(difference)
-        if np.count_nonzero(known) < 0.8 * here.size:
+        if np.count_nonzero(known) < _MIN_KNOWN_SHARE * points.size:
             return None
         costs.append(float(np.mean(difference[known] ** 2)))
     best = int(np.argmin(costs))
     if best in (0, len(costs) - 1):
         return None
-    step = whole - reach + best
-    inside = (here + step >= 0) & (here + step < b.size)
-    x, y, s = a[here[inside]], b[(here + step)[inside]], slope[(here + step)[inside]]
+    step = overall - reach + best
+    inside = (points + step >= 0) & (points + step < b.size)
+    x, y, s = a[points[inside]], b[(points + step)[inside]], slope[(points + step)[inside]]
     known = np.isfinite(x) & np.isfinite(y) & np.isfinite(s)
     x, y, s = x[known], y[known], s[known]
-    if _correlation(x, y) < LIKE:
+    if _correlation(x, y) < MIN_CORRELATION:
         return None
     power = float(s @ s)
     residual = y - x
@@ -266,7 +274,7 @@ def _window_lag(
 
 
 def _long_run(scores: Array, memory: int) -> float:
-    """Variance of the sum of scores that hang together over some samples, with Bartlett's weights."""
+    """Variance of the sum of scores that are correlated over `memory` samples, with Bartlett weights."""
     total = float(scores @ scores)
     for lag in range(1, min(memory, scores.size - 1)):
         total += 2 * (1 - lag / memory) * float(scores[lag:] @ scores[:-lag])

@@ -1,8 +1,7 @@
-"""How a profile agrees with a reference, band by band.
+"""Agreement of a profile with a reference, band by band.
 
-Both are brought onto one grid, aligned by one lag, filtered alike and only then compared: an
-error that is stated as one number for all wavelengths says nothing (EN 13848-2 states accuracy
-per band too).
+Both are resampled to one grid, aligned by one lag, filtered to each band and then compared. One error for all
+wavelengths would be meaningless, since long waves dominate it; EN 13848-2 also states accuracy per band.
 """
 
 from __future__ import annotations
@@ -23,22 +22,22 @@ from trackprofile.errors import DataError
 
 Array = NDArray[np.float64]
 
-_FLAT = 1e-12  # m; what is left of a straight line is rounding
+_MIN_RMS = 1e-12  # m; less is rounding of a straight line
 
 
 @dataclass(frozen=True)
 class BandComparison:
-    """One band's agreement, over the points that both profiles know.
+    """Agreement in one band, over the points at which both profiles are known.
 
     Parameters
     ----------
-    correlation : of the profile with the reference (Pearson) [-]
-    rms_error_mm : of profile minus reference [mm]
-    reference_rms_mm : of the reference [mm]
-    gain : <profile, reference> / <reference, reference>; 1 where nothing is lost [-]
-    lag_m : how much farther along the profile's features stood before they were aligned [m]
-    coverage_95 : share of points with |error| < 1.96 stated standard deviations; None if not stated
-    stated_rms_mm : root mean square of the stated standard deviation [mm]; None if not stated
+    correlation : Pearson correlation of profile and reference [-]
+    rms_error_mm : RMS of profile minus reference [mm]
+    reference_rms_mm : RMS of the reference [mm]
+    gain : <profile, reference> / <reference, reference>; 1 if the amplitude is preserved [-]
+    lag_m : distance in the profile minus distance in the reference of the same location, before the alignment [m]
+    coverage_95 : share of points with |error| < 1.96 stated standard deviations; None if none is stated
+    stated_rms_mm : RMS of the stated standard deviation [mm]; None if none is stated
     """
 
     correlation: float
@@ -50,20 +49,20 @@ class BandComparison:
     stated_rms_mm: float | None = None
 
     def as_dict(self) -> dict[str, float]:
-        """The fields by name, without what the profile does not state."""
+        """The fields by name, without those that are None."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A profile against a reference over one stretch.
+    """Agreement of a profile with a reference over one stretch.
 
     Parameters
     ----------
-    bands : per band's name its agreement; None where a number would be wrong
-    from_m, to_m : the stretch that was compared, by the reference's distance [m]
-    notes : one sentence for each band that is None, and for a lag at the end of its range
+    bands : agreement by name of the band; None if the stretch does not allow a comparison
+    from_m, to_m : compared stretch, in the reference's distance [m]
+    notes : one note for each band that is None, and for a lag at the end of the searched range
     """
 
     bands: Mapping[str, BandComparison | None]
@@ -72,7 +71,7 @@ class Comparison:
     notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """What `compare --json` prints."""
+        """The result as `compare --json` prints it."""
         return {
             "bands": {name: band and band.as_dict() for name, band in self.bands.items()},
             "from_m": self.from_m,
@@ -87,41 +86,42 @@ def compare(
     from_m: float | None = None,
     to_m: float | None = None,
     bands: Sequence[Band] = BANDS,
-    largest_lag: float = 5.0,
+    max_lag: float = 5.0,
     forward_backward: bool = False,
 ) -> Comparison:
-    """Align a profile with a reference and state their agreement per band.
+    """Align a profile with a reference and compare them in each band.
 
-    One lag serves all bands: that which maximises the correlation over D1 and D2 together. Both
-    are filtered over all that they share, then restricted to the stretch, so that its ends are
-    no filter's ends. A gap in either (a point flagged so, a missing elevation, missing rows)
-    splits both: the pieces are filtered apart, and those too short for a band are left out of it.
+    One lag is used for all bands: the one that maximises the correlation over D1 and D2 together. Both profiles are
+    filtered over the whole shared range and then restricted to the stretch, so that filter transients at its ends are
+    avoided. A gap in either profile (a flagged point, a missing elevation, missing rows) splits both: the pieces are
+    filtered separately, and those too short for a band are omitted in it.
 
     Parameters
     ----------
-    profile, reference : profiles as of `contracts`
-    from_m, to_m : the stretch, by the reference's distance; all that they share if None [m]
-    bands : to state
-    largest_lag : searched to both sides; 0 aligns nothing [m]
-    forward_backward : of the filter, see `bands.band_pass`; a stated standard deviation is that of the default filter
+    profile, reference : profile contracts
+    from_m, to_m : stretch in the reference's distance; None: the whole shared range [m]
+    bands : bands to compare
+    max_lag : maximum lag that is searched to both sides; 0: no alignment [m]
+    forward_backward : see `trackprofile.bands.band_pass`; the stated standard deviations are those of the default
+        filter
 
     Raises
     ------
-    DataError : the two share no stretch, or nothing of the stretch asked for.
+    DataError : the profiles share no stretch, or no part of the requested one.
 
     Examples
     --------
     >>> distance = np.arange(0.0, 400.0, 0.25)
     >>> level = 0.003 * np.sin(distance / 2) * np.sin(distance / 40)
     >>> truth = xr.Dataset({"elevation": ("distance", level)}, {"distance": distance})
-    >>> found = xr.Dataset({"elevation": ("distance", 0.9 * level)}, {"distance": distance + 1.5})
-    >>> d1 = compare(found, truth).bands["D1"]
+    >>> estimate = xr.Dataset({"elevation": ("distance", 0.9 * level)}, {"distance": distance + 1.5})
+    >>> d1 = compare(estimate, truth).bands["D1"]
     >>> print(f"{d1.correlation:.2f} {d1.gain:.2f} {d1.lag_m:.2f}")
     1.00 0.90 1.50
     """
     spacing = min(_median_spacing(profile, "profile"), _median_spacing(reference, "reference"))
     pair = _on_common_grid(profile, reference, spacing, lag=0.0)
-    lag, notes = _best_lag(pair, _stretch(pair.distance, from_m, to_m), largest_lag)
+    lag, notes = _best_lag(pair, _stretch(pair.distance, from_m, to_m), max_lag)
     if lag:
         pair = _on_common_grid(profile, reference, spacing, lag)
     inside = _stretch(pair.distance, from_m, to_m)
@@ -140,7 +140,7 @@ def compare(
 
 @dataclass(frozen=True)
 class _Pair:
-    """Profile and reference on one grid; NaN in both where one has a gap."""
+    """Profile and reference on one grid; NaN in both if one has a gap."""
 
     distance: Array
     profile: Array
@@ -149,13 +149,13 @@ class _Pair:
     deviations: Mapping[str, Array]
 
     def obstacle(self, band: Band) -> str:
-        """Why no piece between gaps can carry a band; empty where one can."""
+        """Why all pieces between gaps are too short or coarse for a band; empty if one is not."""
         pieces = runs(np.isfinite(self.profile))
         longest = max((piece.stop - piece.start for piece in pieces), default=1)
         return obstacle(band, self.spacing, (longest - 1) * self.spacing)
 
     def in_band(self, band: Band, *, forward_backward: bool = False) -> tuple[Array, Array]:
-        """Both in a band; NaN where no piece carries it."""
+        """Both filtered to a band; NaN where a piece is too short."""
         return (
             band_pass_pieces(self.profile, self.spacing, band, forward_backward=forward_backward),
             band_pass_pieces(self.reference, self.spacing, band, forward_backward=forward_backward),
@@ -165,7 +165,7 @@ class _Pair:
 def _on_common_grid(
     profile: xr.Dataset, reference: xr.Dataset, spacing: float, lag: float
 ) -> _Pair:
-    """The profile moved back by the lag, the reference where it stands."""
+    """The profile shifted by the lag, and the reference, on one grid."""
     moved = profile.assign_coords(distance=profile["distance"] - lag)
     start = max(float(each["distance"][0]) for each in (moved, reference))
     stop = min(float(each["distance"][-1]) for each in (moved, reference))
@@ -190,16 +190,16 @@ def _on_common_grid(
 
 
 def _best_lag(
-    pair: _Pair, inside: NDArray[np.bool_], largest: float
+    pair: _Pair, inside: NDArray[np.bool_], max_lag: float
 ) -> tuple[float, tuple[str, ...]]:
-    """The lag of the profile behind the reference, between samples by a spline [m], and notes."""
+    """The lag of highest correlation, interpolated between samples by a spline [m], and notes."""
     usable = [band for band in BANDS if not pair.obstacle(band)][:2]
-    if not usable or largest <= 0:
+    if not usable or max_lag <= 0:
         return 0.0, ()
     profile, reference = pair.in_band(Band("lag", usable[0].shortest, usable[-1].longest))
     reference = np.where(inside, reference, np.nan)
     count = profile.size
-    reach = min(int(np.ceil(largest / pair.spacing)), count - 2)
+    reach = min(int(np.ceil(max_lag / pair.spacing)), count - 2)
     correlation = CubicSpline(
         pair.spacing * np.arange(-reach, reach + 1),
         [
@@ -210,26 +210,27 @@ def _best_lag(
         ],
     )
     peaks = correlation.derivative().roots(extrapolate=False)
-    lags = np.append(peaks[np.abs(peaks) < largest], [0.0, -largest, largest])
+    lags = np.append(peaks[np.abs(peaks) < max_lag], [0.0, -max_lag, max_lag])
     best = float(lags[np.argmax(correlation(lags))])
     if correlation(best) <= 0:
         return 0.0, (
-            "No lag correlates the profile with the reference; they were left as they are",
+            "Profile and reference do not correlate at any lag; they were compared without alignment",
         )
-    if abs(best) == largest:
+    if abs(best) == max_lag:
         return best, (
-            f"The best lag is the largest searched, {best:g} m: the two may stand farther apart",
+            f"The lag of highest correlation is at the end of the searched range, {best:g} m: the true lag may be "
+            "larger",
         )
     return best, ()
 
 
 def _correlation(one: Array, other: Array) -> float:
-    """Pearson's, over the points where both are known; 0 if either is flat."""
+    """Pearson correlation over the points at which both are known; 0 if either is constant."""
     known = np.isfinite(one) & np.isfinite(other)
     if np.count_nonzero(known) < 2:
         return 0.0
     one, other = one[known] - one[known].mean(), other[known] - other[known].mean()
-    if min(_rms(one), _rms(other)) < _FLAT:
+    if min(_rms(one), _rms(other)) < _MIN_RMS:
         return 0.0
     return float(one @ other / np.sqrt((one @ one) * (other @ other)))
 
@@ -241,14 +242,18 @@ def _compare_band(
     if reason:
         return None, (reason,)
     profile, reference = pair.in_band(band, forward_backward=forward_backward)
-    here = inside & np.isfinite(profile)
-    if np.count_nonzero(here) < 2:
-        return None, (f"Band {band.name}: the stretch lies in gaps or pieces too short for it",)
-    profile, reference = profile[here], reference[here]
-    if min(_rms(profile), _rms(reference)) < _FLAT:
-        return None, (f"Band {band.name}: profile or reference is flat, nothing to correlate",)
+    usable = inside & np.isfinite(profile)
+    if np.count_nonzero(usable) < 2:
+        return None, (
+            f"Band {band.name}: the stretch is within gaps, or in pieces too short for the band",
+        )
+    profile, reference = profile[usable], reference[usable]
+    if min(_rms(profile), _rms(reference)) < _MIN_RMS:
+        return None, (
+            f"Band {band.name}: profile or reference is constant, no correlation is defined",
+        )
     error = profile - reference
-    stated = pair.deviations.get(band.name, np.full(inside.size, np.nan))[here]
+    stated = pair.deviations.get(band.name, np.full(inside.size, np.nan))[usable]
     known = np.isfinite(stated)
     return BandComparison(
         correlation=_correlation(profile, reference),
@@ -268,14 +273,14 @@ def _rms(values: Array) -> float:
 
 
 def _stretch(distance: Array, from_m: float | None, to_m: float | None) -> NDArray[np.bool_]:
-    """Which points of a grid lie in the stretch."""
+    """The points of a grid within the stretch."""
     low = -np.inf if from_m is None else from_m
     high = np.inf if to_m is None else to_m
     inside = (distance >= low) & (distance <= high)
     if not inside.any():
         raise DataError(
-            f"Nothing to compare from {low:g} to {high:g} m: profile and reference share "
-            f"{distance[0]:g} to {distance[-1]:g} m; choose a stretch in there."
+            f"Profile and reference share {distance[0]:g} to {distance[-1]:g} m, got {low:g} to {high:g} m; "
+            "choose a stretch within the shared range."
         )
     return inside
 
@@ -283,7 +288,7 @@ def _stretch(distance: Array, from_m: float | None, to_m: float | None) -> NDArr
 def _median_spacing(profile: xr.Dataset, name: str) -> float:
     distance = profile["distance"].to_numpy()
     if distance.size < 2:
-        raise DataError(f"The {name} has {distance.size} point(s); expected at least two.")
+        raise DataError(f"The {name} needs at least two points, got {distance.size}.")
     return float(np.median(np.diff(distance)))
 
 

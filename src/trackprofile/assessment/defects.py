@@ -1,8 +1,8 @@
-"""Isolated defects: half waves of a band's level that exceed a limit, or may in truth.
+"""Isolated defects: half waves of a band's level that exceed a limit, or do so with a minimum probability.
 
-A defect runs from where the level leaves its mean to where it comes back to it; its height is that
-of the peak over the mean (EN 13848-5). It is listed if the estimate exceeds the lowest limit, and
-also if it does not but the true level does with a probability that matters.
+A defect extends between the two points at which the level crosses its mean; its height is that of the peak over the
+mean (EN 13848-5). It is listed if the estimate exceeds the lowest limit, or if the true level does so with a
+probability above a minimum.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trackprofile.assessment.limits import Action, DefectLimits
 
 Array = NDArray[np.float64]
 
-_FAR = 5.0  # standard deviations, beyond which no limit is reached in earnest
+_MAX_DEVIATIONS = 5.0  # standard deviations from the limit at which its exceedance is improbable
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,14 @@ class Defect:
 
     Parameters
     ----------
-    band : by name
-    start, peak, end : where the level leaves its mean, is farthest from it, comes back [m]
-    height : of the peak over the mean, up is positive [m]
-    deviation : standard deviation of the height; 0 where the profile states none [m]
-    exceeded : the gravest limit that the estimate exceeds, if any
-    probabilities : per action, that the true level exceeds its limit somewhere from start to end
-    limits : what they were judged by
-    location_deviation : standard deviation of where it is; None where the profile does not say [m]
+    band : name of the band
+    start, peak, end : distances at which the level leaves its mean, has its peak, and returns to the mean [m]
+    height : height of the peak over the mean, positive upwards [m]
+    deviation : standard deviation of the height; 0 if the profile states none [m]
+    exceeded : most severe action whose limit the estimate exceeds, if any
+    probabilities : for each action, probability that the true level exceeds its limit between start and end
+    limits : limits of the band at the line speed
+    location_deviation : standard deviation of the location; None if the profile states none [m]
     """
 
     band: str
@@ -53,25 +53,25 @@ class Defect:
 
     @property
     def length(self) -> float:
-        """From start to end [m]."""
+        """Length from start to end [m]."""
         return self.end - self.start
 
     @property
-    def likely(self) -> Action | None:
-        """The gravest action whose limit is exceeded with a probability of at least one half."""
+    def required_action(self) -> Action | None:
+        """Most severe action whose limit is exceeded with a probability of at least 50 %."""
         return max((one for one, p in self.probabilities.items() if p >= 0.5), default=None)
 
 
 def find_defects(
     level: BandLevel, limits: DefectLimits, least_probability: float
 ) -> tuple[Defect, ...]:
-    """All defects of a band, in their order.
+    """Find all defects of a band, in order of distance.
 
     Parameters
     ----------
-    level : the profile in the band
-    limits : of that band at the line's speed
-    least_probability : of exceeding the lowest limit, from which a defect is listed
+    level : level in the band
+    limits : limits of the band at the line speed
+    least_probability : minimum probability of exceeding the lowest limit for a defect to be listed
 
     Examples
     --------
@@ -89,23 +89,24 @@ def find_defects(
     if not limits.heights:
         return ()
     lowest = min(limits.heights.values())
-    reach = np.abs(level.level) + _FAR * level.deviation > lowest
-    found = []
+    reach = np.abs(level.level) + _MAX_DEVIATIONS * level.deviation > lowest
+    defects = []
     for half in _half_waves(level):
         if reach[half].any():
             defect = _defect(level, limits, half)
             if max(defect.probabilities.values()) >= least_probability or defect.exceeded:
-                found.append(defect)
-    return tuple(found)
+                defects.append(defect)
+    return tuple(defects)
 
 
 def _half_waves(level: BandLevel) -> list[slice]:
-    """Stretches of one sign within what may be judged."""
+    """Stretches of constant sign within the assessed stretches."""
     up = np.nan_to_num(level.level) > 0
-    turns = np.flatnonzero(up[1:] != up[:-1]) + 1
+    crossings = np.flatnonzero(up[1:] != up[:-1]) + 1
     halves = []
     for run in runs(level.assessed):
-        inner = turns[np.searchsorted(turns, run.start, "right") : np.searchsorted(turns, run.stop)]
+        first, last = np.searchsorted(crossings, [run.start + 1, run.stop])
+        inner = crossings[first:last]
         edges = [run.start, *inner.tolist(), run.stop]
         halves += [slice(a, b) for a, b in pairwise(edges)]
     return halves
@@ -115,7 +116,7 @@ def _defect(level: BandLevel, limits: DefectLimits, half: slice) -> Defect:
     values, deviation = level.level[half], level.deviation[half]
     top = int(np.argmax(np.abs(values)))
     sign = 1.0 if values[top] > 0 else -1.0
-    wavenumber = level.colour.wavenumber
+    wavenumber = level.error_spectrum.wavenumber
     probabilities = {
         action: exceedance_probability(sign * values, deviation, height, level.spacing, wavenumber)
         for action, height in limits.heights.items()
@@ -135,12 +136,12 @@ def _defect(level: BandLevel, limits: DefectLimits, half: slice) -> Defect:
     )
 
 
-def _crossing(level: BandLevel, place: int) -> float:
-    """Where the level is zero between two neighbours [m]; at an end or gap, the end."""
-    if place in (0, level.level.size):
-        return float(level.distance[min(place, level.level.size - 1)])
-    before, after = level.level[place - 1], level.level[place]
+def _crossing(level: BandLevel, point: int) -> float:
+    """Distance at which the level is zero between two neighbouring points [m]; at an end or gap, that end."""
+    if point in (0, level.level.size):
+        return float(level.distance[min(point, level.level.size - 1)])
+    before, after = level.level[point - 1], level.level[point]
     share = before / (before - after) if before * after <= 0 and before != after else 0.5
     if not np.isfinite(share):
         share = 1.0
-    return float(level.distance[place - 1] + share * level.spacing)
+    return float(level.distance[point - 1] + share * level.spacing)

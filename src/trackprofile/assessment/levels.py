@@ -1,4 +1,4 @@
-"""The level in each band, how well it is known, and where it is not to be judged."""
+"""The level in each band, its standard deviation, and the reasons why stretches are not assessed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from trackprofile.arrays import runs
-from trackprofile.assessment.errors_in_band import Colour, colour_of
+from trackprofile.assessment.errors_in_band import ErrorSpectrum, error_spectrum
 from trackprofile.bands import Band, band_pass_pieces, edge_distance, obstacle, resample
 from trackprofile.contracts import Quality
 from trackprofile.errors import DataError
@@ -22,40 +22,40 @@ Mask = NDArray[np.bool_]
 
 
 class NotAssessedReason(IntFlag):
-    """Why a place is not assessed in a band; 0 is assessed."""
+    """Why a point is not assessed in a band; 0: it is assessed."""
 
     GAP = 1
-    """Nothing is known there."""
+    """The elevation is not known."""
     TOO_SHORT = 2
-    """The piece between gaps is shorter than the band's longest wave."""
+    """The piece between gaps is shorter than the longest wavelength of the band."""
     EDGE = 4
-    """So near to an end or gap that the band rests on what lies beyond."""
+    """So near to an end or gap that the filtered level depends on the profile beyond it."""
     UNCERTAIN = 8
-    """The data say hardly more than what was known before."""
+    """The data determine hardly more than the prior."""
     SLOW = 16
-    """The train was slow or stood."""
+    """The train was slow or at a standstill."""
     UNCONVERGED = 32
-    """The search for the elevation did not end."""
+    """The search for the elevation did not converge."""
     SATURATED = 64
-    """A sensor was at the end of its range."""
+    """A sensor was at the end of its measuring range."""
     UNEXPLAINED = 128
-    """The model does not explain what was recorded."""
+    """The model does not explain the recorded signals."""
 
     @property
-    def words(self) -> str:
-        """Such as ``edge, slow``."""
+    def text(self) -> str:
+        """Names of the reasons, such as ``edge, slow``."""
         return ", ".join(
             str(one.name).lower().replace("_", " ") for one in NotAssessedReason if one & self
         )
 
 
-# A flaw of unknown size spoils a band as far as whatever lies beyond an end does.
-_SPREADING = {
+# An error of unknown size affects the filtered level as far as the profile beyond an end does.
+_WIDENED = {
     Quality.UNCONVERGED: NotAssessedReason.UNCONVERGED,
     Quality.SATURATED: NotAssessedReason.SATURATED,
     Quality.UNEXPLAINED: NotAssessedReason.UNEXPLAINED,
 }
-_IN_PLACE = {
+_LOCAL = {
     Quality.UNCERTAIN: NotAssessedReason.UNCERTAIN,
     Quality.EDGE: NotAssessedReason.EDGE,
     Quality.SLOW: NotAssessedReason.SLOW,
@@ -64,17 +64,17 @@ _IN_PLACE = {
 
 @dataclass(frozen=True)
 class BandLevel:
-    """A profile in one band, on an even grid.
+    """A profile in one band, on a uniform grid.
 
     Parameters
     ----------
     band : the band
-    distance : evenly spaced (n) [m]
-    level : of the estimate (n) [m]; NaN where the band is not carried
-    deviation : standard deviation of its error (n) [m]; 0 where the profile states none
-    reasons : sums of `Reason` (n)
-    colour : of the error
-    stated : whether the profile states the band's standard deviation
+    distance : uniformly spaced distance, (n,) [m]
+    level : filtered level, (n,) [m]; NaN where it is not defined
+    deviation : standard deviation of its error, (n,) [m]; 0 where the profile states none
+    reasons : sums of `NotAssessedReason`, (n,)
+    error_spectrum : spectrum of the error in the band
+    stated : whether the profile states a standard deviation in the band
     """
 
     band: Band
@@ -82,36 +82,36 @@ class BandLevel:
     level: Array
     deviation: Array
     reasons: NDArray[np.int16]
-    colour: Colour
+    error_spectrum: ErrorSpectrum
     stated: bool
 
     @property
     def spacing(self) -> float:
-        """Of the grid [m]."""
+        """Spacing of the grid [m]."""
         return float((self.distance[-1] - self.distance[0]) / (self.distance.size - 1))
 
     @property
     def assessed(self) -> Mask:
-        """Where it may be judged (n)."""
+        """True where the level is assessed, (n,)."""
         return self.reasons == 0
 
 
 def band_levels(
     profile: xr.Dataset, bands: Sequence[Band], *, forward_backward: bool = False
 ) -> tuple[Mapping[str, BandLevel], tuple[str, ...]]:
-    """The profile in each band, and one sentence per band that it cannot carry anywhere.
+    """Filter a profile to each band; the second result is one note per band for which it is too short or coarse.
 
     Parameters
     ----------
-    profile : the profile contract
-    bands : to filter by
-    forward_backward : of the filter, see `bands.band_pass`; a stated standard deviation is that of the default filter
+    profile : profile contract
+    bands : bands to filter to
+    forward_backward : see `bands.band_pass`; the stated standard deviations are those of the default filter
 
     Raises
     ------
-    DataError : no band can be carried.
+    DataError : the profile is too short or coarse for all bands.
     """
-    grid, elevation, flags = _even(profile)
+    grid, elevation, flags = _on_uniform_grid(profile)
     spacing = float((grid[-1] - grid[0]) / (grid.size - 1))
     deviations = {
         name.removeprefix("standard_deviation_"): _on_grid(profile, name, grid)
@@ -134,7 +134,7 @@ def band_levels(
             level,
             np.nan_to_num(deviations.get(band.name, np.zeros(grid.size))),
             _reasons(band, spacing, known, level, flags),
-            colour_of(band, typical),
+            error_spectrum(band, typical),
             band.name in deviations,
         )
     if not levels:
@@ -145,8 +145,8 @@ def band_levels(
     return levels, tuple(notes)
 
 
-def _even(profile: xr.Dataset) -> tuple[Array, Array, NDArray[np.int16]]:
-    """Grid, elevation with NaN in gaps, and flags, of the nearest point."""
+def _on_uniform_grid(profile: xr.Dataset) -> tuple[Array, Array, NDArray[np.int16]]:
+    """Grid, elevation with NaN in gaps, and the flags of the nearest point."""
     distance = profile["distance"].to_numpy()
     flags = profile["quality"].to_numpy().astype(np.int16)
     elevation = np.where(flags & Quality.GAP, np.nan, profile["elevation"].to_numpy())
@@ -179,17 +179,17 @@ def _reasons(
         reasons[max(piece.stop - reach, piece.start) : piece.stop] = NotAssessedReason.EDGE
     reasons[np.isnan(level)] = NotAssessedReason.TOO_SHORT
     reasons[~known] = NotAssessedReason.GAP
-    for flag, reason in _IN_PLACE.items():
+    for flag, reason in _LOCAL.items():
         reasons[known & (flags & flag != 0)] |= reason
-    for flag, reason in _SPREADING.items():
-        flawed = flags & flag != 0
-        if flawed.any():
-            reasons[known & _widened(flawed, reach)] |= reason
+    for flag, reason in _WIDENED.items():
+        flagged = flags & flag != 0
+        if flagged.any():
+            reasons[known & _widened(flagged, reach)] |= reason
     return reasons
 
 
 def _widened(mask: Mask, reach: int) -> Mask:
-    """Also the places within `reach` of those where the mask holds."""
+    """The mask, extended by `reach` points to each side."""
     wide = np.zeros(mask.size, bool)
     for run in runs(mask):
         wide[max(run.start - reach, 0) : run.stop + reach] = True
@@ -198,13 +198,13 @@ def _widened(mask: Mask, reach: int) -> Mask:
 
 @dataclass(frozen=True)
 class NotAssessed:
-    """A stretch that is not judged in a band, and why.
+    """A stretch that is not assessed in a band.
 
     Parameters
     ----------
-    band : by name
-    start, end : [m]
-    reasons : one or more
+    band : name of the band
+    start, end : ends of the stretch [m]
+    reasons : one or more reasons
     """
 
     band: str
@@ -214,7 +214,7 @@ class NotAssessed:
 
 
 def not_assessed(level: BandLevel) -> tuple[NotAssessed, ...]:
-    """All stretches of a band that are not judged, in their order."""
+    """All stretches that are not assessed in a band, in order of distance."""
     changes = np.flatnonzero(np.diff(level.reasons)) + 1
     edges = [0, *changes.tolist(), level.reasons.size]
     half = level.spacing / 2

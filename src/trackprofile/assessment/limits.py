@@ -1,7 +1,7 @@
-"""Limits: from which height a defect obliges to something, and which class a section is of.
+"""Limit sets: heights from which defects require an action, and standard deviations of quality classes.
 
-They are replaceable data, never constants in code: each stands with its source, and with whether it
-was verified against that source. EN 13848-5 and -6 sort them by the line's speed.
+Limits are data in files, never constants in code. Each has its source, and whether it was verified against that
+source. EN 13848-5 and -6 state them by line speed.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ KM_H = 1 / 3.6
 
 
 class Action(IntEnum):
-    """What an exceeded limit calls for, from the mildest (EN 13848-5)."""
+    """Action that an exceeded limit requires, in order of severity (EN 13848-5)."""
 
     ALERT = 1
     INTERVENTION = 2
     IMMEDIATE_ACTION = 3
 
     @property
-    def words(self) -> str:
-        """Such as ``immediate action``."""
+    def text(self) -> str:
+        """Name of the action, such as ``immediate action``."""
         return self.name.lower().replace("_", " ")
 
 
 @dataclass(frozen=True)
 class SpeedBand:
-    """Limits of one band of wavelengths for lines above one speed and up to another.
+    """Limits in one wavelength band for a range of line speeds.
 
     Parameters
     ----------
-    band : of wavelengths, by name
-    above, up_to : the line's speed, the first excluded, the second included [m/s]
-    source : where the numbers come from
-    verified : whether they were compared with that source
+    band : name of the wavelength band
+    above, up_to : range of line speed, lower end excluded, upper end included [m/s]
+    source : source of the numbers
+    verified : whether the numbers were compared with the source
     """
 
     band: str
@@ -53,17 +53,17 @@ class SpeedBand:
 
     @property
     def speeds(self) -> str:
-        """Such as ``80 to 120 km/h``."""
+        """Range of line speed as text, such as ``80 to 120 km/h``."""
         return f"{self.above / KM_H:.4g} to {self.up_to / KM_H:.4g} km/h"
 
 
 @dataclass(frozen=True)
 class DefectLimits(SpeedBand):
-    """Heights of isolated defects, from the mean to the peak.
+    """Limits for isolated defects, from mean to peak.
 
     Parameters
     ----------
-    heights : what is called for above which height [m]; empty where a band has no limits
+    heights : height above which each action is required [m]; empty if the band has no limits
     """
 
     heights: Mapping[Action, float]
@@ -79,8 +79,8 @@ class QualityClasses(SpeedBand):
 
     Parameters
     ----------
-    below : per class, best first, the standard deviation that it stays below [m]
-    beyond : the class of all others
+    below : upper bound of the standard deviation of each class, best class first [m]
+    beyond : name of the class of all higher standard deviations
     """
 
     below: Mapping[str, float]
@@ -90,23 +90,25 @@ class QualityClasses(SpeedBand):
         what = f"Quality classes in {self.band}, {self.speeds}"
         _check_rising(what, list(self.below.values()))
         if self.beyond in self.below:
-            raise DataError(f"{what}: class {self.beyond!r} is there twice; rename one.")
+            raise DataError(f"{what}: class {self.beyond!r} occurs twice; rename one.")
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All classes, best first."""
+        """Names of all classes, best first."""
         return (*self.below, self.beyond)
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """What runs over the same track may differ by (EN 13848-2).
+    """Required repeatability and reproducibility of runs over the same track (EN 13848-2).
 
     Parameters
     ----------
-    band : of wavelengths, by name
-    repeatability, reproducibility : 95 % of the differences of runs by the same system, and by
-        different ones, are to stay below [m]
+    band : name of the wavelength band
+    repeatability, reproducibility : maximum of the 95th percentile of the differences between runs of the same system,
+        and of different systems [m]
+    source : source of the numbers
+    verified : whether the numbers were compared with the source
     """
 
     band: str
@@ -117,10 +119,17 @@ class Accuracy:
 
 
 @dataclass(frozen=True)
-class Duties:
-    """What each action obliges to, in words."""
+class ActionTexts:
+    """What each action requires of the infrastructure manager, as text.
 
-    words: Mapping[Action, str]
+    Parameters
+    ----------
+    texts : text of each action
+    source : source of the texts
+    verified : whether the texts were compared with the source
+    """
+
+    texts: Mapping[Action, str]
     source: str
     verified: bool
 
@@ -131,15 +140,16 @@ class Limits:
 
     Parameters
     ----------
-    name : what they are called
-    defects, classes : each band of wavelengths from standstill on, without overlap or hole
-    accuracies : at most one per band
-    duties : of the actions
-    source : of the whole
+    name : name of the limit set
+    defects, classes : limits for isolated defects, and quality classes; the speed ranges of each band begin at 0 and
+        have no overlap or gap
+    accuracies : required repeatability and reproducibility, at most one per band
+    action_texts : what each action requires
+    source : source of the limit set
 
     Raises
     ------
-    DataError : speed bands overlap, leave a hole or do not begin at 0; limits that do not rise.
+    DataError : speed ranges overlap, have a gap or do not begin at 0, or limits do not increase with severity.
 
     Examples
     --------
@@ -147,14 +157,14 @@ class Limits:
     >>> high = DefectLimits("D1", 35.0, 60.0, "a rule", True, {Action.ALERT: 0.008})
     >>> Limits("ours", defects=(low, high))
     Traceback (most recent call last):
-    trackprofile.errors.DataError: Isolated defects in D1: the speed bands 0 to 144 km/h and ... overlap; ...
+    trackprofile.errors.DataError: Isolated defects in D1: the speed ranges 0 to 144 km/h and ... overlap; ...
     """
 
     name: str
     defects: tuple[DefectLimits, ...] = ()
     classes: tuple[QualityClasses, ...] = ()
     accuracies: tuple[Accuracy, ...] = ()
-    duties: Duties | None = None
+    action_texts: ActionTexts | None = None
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -163,35 +173,35 @@ class Limits:
         bands = [one.band for one in self.accuracies]
         for band in bands:
             if bands.count(band) > 1:
-                raise DataError(f"Accuracy in {band} is there twice; remove one.")
+                raise DataError(f"Accuracy in {band} occurs twice; remove one.")
 
     def defects_at(self, band: str, speed: float) -> DefectLimits | None:
-        """Those of a band at a line speed [m/s]; None where the band has none at any speed."""
-        return _at("isolated defects", self.name, self.defects, band, speed)
+        """Limits for isolated defects at a line speed [m/s]; None if the band has none at any speed."""
+        return _at_speed("isolated defects", self.name, self.defects, band, speed)
 
     def classes_at(self, band: str, speed: float) -> QualityClasses | None:
-        """Those of a band at a line speed [m/s]; None where the band has none at any speed."""
-        return _at("quality classes", self.name, self.classes, band, speed)
+        """Quality classes at a line speed [m/s]; None if the band has none at any speed."""
+        return _at_speed("quality classes", self.name, self.classes, band, speed)
 
     def accuracy(self, band: str) -> Accuracy | None:
-        """Of a band, if it is stated."""
+        """Required accuracy in a band; None if the limit set has none."""
         return next((one for one in self.accuracies if one.band == band), None)
 
 
 def unverified(limits: Limits, bands: Sequence[str], speed: float) -> tuple[str, ...]:
-    """One sentence for each limit that `assess` uses and that was not verified against its source.
+    """One note for each limit that `assess` uses and that was not verified against its source.
 
     Parameters
     ----------
-    limits : as they were read
-    bands : names of the bands that are assessed
-    speed : of the line [m/s]
+    limits : limit set
+    bands : names of the assessed bands
+    speed : speed of the line [m/s]
     """
     used: list[tuple[str, _Rule | None]] = []
     for band in bands:
         used.append((f"isolated defects in {band}", limits.defects_at(band, speed)))
         used.append((f"quality classes in {band}", limits.classes_at(band, speed)))
-    used.append(("what the actions oblige to", limits.duties))
+    used.append(("required actions", limits.action_texts))
     return _unverified(limits, used)
 
 
@@ -217,13 +227,13 @@ def condense_notes(notes: Sequence[str]) -> list[str]:
 
 
 def unverified_accuracies(limits: Limits, bands: Sequence[str]) -> tuple[str, ...]:
-    """The same for what runs may differ by, in some bands by name."""
+    """One note for each required accuracy in some bands that was not verified against its source."""
     return _unverified(
         limits, [(f"repeatability in {band}", limits.accuracy(band)) for band in bands]
     )
 
 
-_Rule = DefectLimits | QualityClasses | Accuracy | Duties
+_Rule = DefectLimits | QualityClasses | Accuracy | ActionTexts
 
 
 def _unverified(limits: Limits, used: Sequence[tuple[str, _Rule | None]]) -> tuple[str, ...]:
@@ -238,33 +248,33 @@ def _empty(one: _Rule) -> bool:
     return isinstance(one, DefectLimits) and not one.heights
 
 
-def _at(what: str, name: str, ones: Sequence[Kind], band: str, speed: float) -> Kind | None:
-    of_band = [one for one in ones if one.band == band]
-    for one in of_band:
+def _at_speed(what: str, name: str, limits: Sequence[Kind], band: str, speed: float) -> Kind | None:
+    in_band = [one for one in limits if one.band == band]
+    for one in in_band:
         if one.above < speed <= one.up_to * (1 + 1e-9):
             return one
-    if of_band:
-        last = max(one.up_to for one in of_band)
+    if in_band:
+        highest = max(one.up_to for one in in_band)
         raise DataError(
-            f"Limits {name!r}, {what} in {band}: there are none at {speed / KM_H:.4g} km/h, only above 0 "
-            f"and up to {last / KM_H:.4g} km/h; choose another speed, or a file that has them."
+            f"Limits {name!r}, {what} in {band}: expected a speed above 0 and up to {highest / KM_H:.4g} km/h, got "
+            f"{speed / KM_H:.4g} km/h; choose another speed, or a limit set for it."
         )
     return None
 
 
-def _check_speeds(what: str, ones: Sequence[SpeedBand]) -> None:
-    for band in dict.fromkeys(one.band for one in ones):
-        sorted_ones = sorted((one for one in ones if one.band == band), key=lambda one: one.above)
+def _check_speeds(what: str, limits: Sequence[SpeedBand]) -> None:
+    for band in dict.fromkeys(one.band for one in limits):
+        ordered = sorted((one for one in limits if one.band == band), key=lambda one: one.above)
         where = f"{what} in {band}"
-        for one in sorted_ones:
+        for one in ordered:
             if not one.above < one.up_to:
                 raise DataError(f"{where}: expected above < up_to, got {one.speeds}.")
-        if sorted_ones[0].above > 0:
+        if ordered[0].above > 0:
             raise DataError(
-                f"{where}: no speed band covers 0 to {sorted_ones[0].above / KM_H:.4g} km/h; "
+                f"{where}: no speed range covers 0 to {ordered[0].above / KM_H:.4g} km/h; "
                 "add it, without limits if there are none."
             )
-        for one, after in pairwise(sorted_ones):
+        for one, after in pairwise(ordered):
             _check_neighbours(where, one, after)
 
 
@@ -272,12 +282,12 @@ def _check_neighbours(where: str, one: SpeedBand, after: SpeedBand) -> None:
     tolerance = 1e-6
     if after.above < one.up_to - tolerance:
         raise DataError(
-            f"{where}: the speed bands {one.speeds} and {after.speeds} overlap; "
-            "let each begin where the one before ends."
+            f"{where}: the speed ranges {one.speeds} and {after.speeds} overlap; "
+            "let each range begin at the end of the previous one."
         )
     if after.above > one.up_to + tolerance:
         raise DataError(
-            f"{where}: no speed band covers {one.up_to / KM_H:.4g} to {after.above / KM_H:.4g} km/h; "
+            f"{where}: no speed range covers {one.up_to / KM_H:.4g} to {after.above / KM_H:.4g} km/h; "
             "add it, without limits if there are none."
         )
 
@@ -286,5 +296,5 @@ def _check_rising(what: str, values: Sequence[float]) -> None:
     if not all(a < b for a, b in pairwise([0.0, *values])):
         millimetres = ", ".join(f"{1e3 * value:g}" for value in values)
         raise DataError(
-            f"{what}: expected limits above 0 that rise with severity, got {millimetres} mm."
+            f"{what}: expected limits above 0 that increase with severity, got {millimetres} mm."
         )

@@ -1,17 +1,17 @@
-"""Limits as a person writes them in TOML; presets by name.
+"""Limit sets in TOML files, and presets by name.
 
     name = "our railway"
     source = "rule book 12, edition 3"
 
     [[defect]]                              # isolated defects, mean to peak
     band = "D1"
-    above = "0 km/h"                        # of the line's speed
+    above = "0 km/h"                        # range of line speed
     up_to = "120 km/h"
-    alert = "10 mm"                         # leave out what there is none of
+    alert = "10 mm"                         # omit actions without a limit
     intervention = "13 mm"
     immediate_action = "26 mm"
     source = "table 4"
-    verified = true                         # somebody compared the numbers with the source
+    verified = true                         # the numbers were compared with the source
 
     [[quality_class]]                       # standard deviation of a section
     band = "D1"
@@ -22,8 +22,8 @@
     source = "table 5"
     verified = true
 
-The tables ``accuracy`` (repeatability and reproducibility of runs) and ``duty`` (what the actions oblige
-to, in words) are optional. In each band of wavelengths the speeds begin at 0 and leave no hole.
+The tables ``accuracy`` (repeatability and reproducibility of runs) and ``required_action`` (what each action requires,
+as text) are optional. In each wavelength band the speed ranges begin at 0 and have no gap.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ class _Defect(_SpeedBand):
     immediate_action: str | None = None
 
     def si(self) -> kinds.DefectLimits:
-        given = {action: getattr(self, action.name.lower()) for action in Action}
-        heights = {action: quantity(text, "length") for action, text in given.items() if text}
+        texts = {action: getattr(self, action.name.lower()) for action in Action}
+        heights = {action: quantity(text, "length") for action, text in texts.items() if text}
         return kinds.DefectLimits(*self.common, heights)
 
 
@@ -88,14 +88,14 @@ class _Accuracy(_Sourced):
         return kinds.Accuracy(self.band, *pair, self.source, self.verified)
 
 
-class _Duty(_Sourced):
+class _RequiredAction(_Sourced):
     alert: str
     intervention: str
     immediate_action: str
 
-    def si(self) -> kinds.Duties:
-        words = {action: getattr(self, action.name.lower()) for action in Action}
-        return kinds.Duties(words, self.source, self.verified)
+    def si(self) -> kinds.ActionTexts:
+        texts = {action: getattr(self, action.name.lower()) for action in Action}
+        return kinds.ActionTexts(texts, self.source, self.verified)
 
 
 class _Limits(Strict):
@@ -104,11 +104,11 @@ class _Limits(Strict):
     defect: list[_Defect] = Field(default_factory=list)
     quality_class: list[_QualityClass] = Field(default_factory=list)
     accuracy: list[_Accuracy] = Field(default_factory=list)
-    duty: _Duty | None = None
+    required_action: _RequiredAction | None = None
 
 
 def limit_presets() -> tuple[str, ...]:
-    """The names that `read_limits` takes instead of a path.
+    """Names of the limit sets that are part of the package.
 
     Examples
     --------
@@ -119,35 +119,35 @@ def limit_presets() -> tuple[str, ...]:
 
 
 def read_limits(name_or_path: str | Path) -> Limits:
-    """The limits in a file, or of a preset.
+    """Read a limit set from a file or a preset.
 
     Parameters
     ----------
-    name_or_path : such as ``en-13848``, or the path of a TOML
+    name_or_path : name of a preset, such as ``en-13848``, or the path of a TOML file
 
     Raises
     ------
-    FileError : there is no such file, or a key is missing, unknown or wrong.
-    DataError : a unit is none of its quantity, speed bands overlap or leave a hole, or limits do not rise.
+    FileError : the file does not exist, or a key is missing, unknown or wrong.
+    DataError : a unit is wrong, speed ranges overlap or have a gap, or limits do not increase with severity.
 
     Examples
     --------
     >>> limits = read_limits("en-13848")
-    >>> {action.words: round(1e3 * height) for action, height in limits.defects_at("D1", 40.0).heights.items()}
+    >>> {action.text: round(1e3 * height) for action, height in limits.defects_at("D1", 40.0).heights.items()}
     {'alert': 8, 'intervention': 10, 'immediate action': 23}
     """
     path = _find(name_or_path)
-    read = load(path, _Limits)
+    table = load(path, _Limits)
     with error_location(path):
-        if not read.defect and not read.quality_class:
-            raise FileError(f"{path}: it holds no limits; add a table 'defect' or 'quality_class'.")
+        if not table.defect and not table.quality_class:
+            raise FileError(f"{path}: it has no limits; add a table 'defect' or 'quality_class'.")
         return Limits(
-            read.name,
-            defects=tuple(one.si() for one in read.defect),
-            classes=tuple(one.si() for one in read.quality_class),
-            accuracies=tuple(one.si() for one in read.accuracy),
-            duties=None if read.duty is None else read.duty.si(),
-            source=read.source,
+            table.name,
+            defects=tuple(one.si() for one in table.defect),
+            classes=tuple(one.si() for one in table.quality_class),
+            accuracies=tuple(one.si() for one in table.accuracy),
+            action_texts=None if table.required_action is None else table.required_action.si(),
+            source=table.source,
         )
 
 
@@ -156,7 +156,7 @@ def _find(name_or_path: str | Path) -> Path:
         return _PRESETS / f"{name_or_path}.toml"
     if not Path(name_or_path).is_file():
         raise FileError(
-            f"{name_or_path}: there is no such file; give the path of a limits TOML, "
+            f"{name_or_path}: the file does not exist; give the path of a TOML file with limits, "
             f"or one of the presets {', '.join(limit_presets())}."
         )
     return Path(name_or_path)

@@ -1,4 +1,4 @@
-"""The spectrum of a profile, and which of the known spectra it is nearest to."""
+"""Roughness spectrum of a profile, and the most similar of several known spectra."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from trackprofile.models.spectrum import PowerLaw, Roughness
 Array = NDArray[np.float64]
 
 WINDOW = 200.0
-"""Of track under one window of the estimate [m]."""
+"""Length of the windows of Welch's method [m]."""
 
 SHORTEST, LONGEST = 3.0, 70.0
-"""Wavelengths between which spectra are compared [m], as far as all of them are known there."""
+"""Range of wavelengths over which spectra are compared [m], as far as all of them are defined."""
 
 PER_OCTAVE = 3
+"""Number of bands per octave."""
 
 
 @dataclass(frozen=True)
-class Nearest:
-    """The spectrum of a stretch in words.
+class SpectrumMatch:
+    """The known spectrum that is most similar to that of a stretch.
 
     Parameters
     ----------
-    start, end : the stretch [m]
-    spectrum : name of the nearest of the known spectra
-    difference_db : root mean square over third octaves of 10 lg (measured / that spectrum) [dB]
-    level_db : mean of it; above 0 the track is rougher than that spectrum [dB]
+    start, end : ends of the stretch [m]
+    spectrum : name of the known spectrum
+    difference_db : RMS over third octaves of 10 lg (spectrum of the stretch / known spectrum) [dB]
+    level_db : its mean; above 0 the track is rougher than the known spectrum [dB]
     """
 
     start: float
@@ -44,12 +45,12 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Psd:
-    """A power spectral density over third octaves.
+    """Power spectral density, averaged over third octaves.
 
     Parameters
     ----------
-    spatial_frequency : Ω of the octaves' middles (n) [rad/m]
-    density : one-sided (n) [m²/(rad/m)]
+    spatial_frequency : centre of each third octave, (n,) [rad/m]
+    density : one-sided density, (n,) [m²/(rad/m)]
     """
 
     spatial_frequency: Array
@@ -57,19 +58,19 @@ class Psd:
 
 
 def psd(elevation: Array, spacing: float, shortest: float, longest: float) -> Psd | None:
-    """The spectrum by Welch's method, over the pieces between gaps; None where all are too short.
+    """Power spectral density by Welch's method over the pieces between gaps; None if all are too short.
 
     Parameters
     ----------
-    elevation : NaN in gaps (n) [m]
-    spacing : [m]
-    shortest, longest : wavelengths [m]
+    elevation : elevation, NaN in gaps, (n,) [m]
+    spacing : distance between the values [m]
+    shortest, longest : range of wavelengths [m]
 
     Examples
     --------
     >>> white = np.random.default_rng(1).standard_normal(40000)
-    >>> found = psd(white, 0.25, 3.0, 50.0)
-    >>> bool(np.allclose(found.density, 0.25 / np.pi, rtol=0.2))  # 2 · variance · spacing / 2π
+    >>> estimate = psd(white, 0.25, 3.0, 50.0)
+    >>> bool(np.allclose(estimate.density, 0.25 / np.pi, rtol=0.2))  # 2 · variance · spacing / 2π
     True
     """
     count = round(WINDOW / spacing)
@@ -99,7 +100,7 @@ def _third_octaves(omega: Array, density: Array, shortest: float, longest: float
 
 
 def common_range(spectra: Mapping[str, Roughness]) -> tuple[float, float]:
-    """Wavelengths [m] between `SHORTEST` and `LONGEST` for which all the spectra are known."""
+    """Range of wavelengths between `SHORTEST` and `LONGEST` over which all spectra are defined [m]."""
     known = [one for one in spectra.values() if isinstance(one, PowerLaw)]
     return (
         max([SHORTEST, *(one.shortest for one in known)]),
@@ -107,20 +108,20 @@ def common_range(spectra: Mapping[str, Roughness]) -> tuple[float, float]:
     )
 
 
-def nearest(
-    found: Psd, spectra: Mapping[str, Roughness], start: float, end: float
-) -> Nearest | None:
-    """Which spectrum a stretch is nearest to; None without spectra.
+def most_similar_spectrum(
+    estimate: Psd, spectra: Mapping[str, Roughness], start: float, end: float
+) -> SpectrumMatch | None:
+    """The known spectrum that is most similar to that of a stretch; None without known spectra.
 
     Parameters
     ----------
-    found : of the stretch
-    spectra : by name, all known over the wavelengths of `found`
-    start, end : the stretch [m]
+    estimate : spectrum of the stretch
+    spectra : known spectra by name, all defined over the wavelengths of `estimate`
+    start, end : ends of the stretch [m]
     """
     candidates = []
     for name, spectrum in spectra.items():
-        ratio = 10 * np.log10(found.density / spectrum.density(found.spatial_frequency))
+        ratio = 10 * np.log10(estimate.density / spectrum.density(estimate.spatial_frequency))
         difference = float(np.sqrt(np.mean(ratio**2)))
-        candidates.append(Nearest(start, end, name, difference, float(ratio.mean())))
+        candidates.append(SpectrumMatch(start, end, name, difference, float(ratio.mean())))
     return min(candidates, key=lambda one: one.difference_db, default=None)

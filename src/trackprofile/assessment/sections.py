@@ -1,13 +1,12 @@
-"""Standard deviation of the level per section, its uncertainty, and the class with its probability.
+"""Standard deviation of the level per section with its interval, and quality class with its probability.
 
-The true level in a band is m + e, the estimate and a Gaussian error with covariance S. Over the n
-points of a section, with the mean taken off by C = I - 11ᵀ/n, its variance V = |C(m + e)|²/n has
+The true level in a band is m + e, the estimate and a Gaussian error with covariance S. Over the n points of a section,
+with the mean removed by C = I - 11ᵀ/n, its variance V = |C(m + e)|²/n has the moments
 
     E V = (mᵀCm + tr CS)/n,    var V = (4 mᵀC S C m + 2 tr (CS)²)/n²
 
-(moments of a quadratic form in Gaussians). So the section's standard deviation is not that of the
-estimate, which is too smooth by what it does not know. V is taken as gamma distributed with these
-two moments.
+(moments of a quadratic form in Gaussian variables). The standard deviation of a section therefore exceeds that of the
+estimate, which is too smooth. V is modelled by a gamma distribution with these two moments.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ from trackprofile.assessment.limits import QualityClasses
 
 Array = NDArray[np.float64]
 
-LEAST_SHARE = 0.8
-"""Of a section that must be assessable, or the section is not assessed."""
+MIN_ASSESSED_SHARE = 0.8
+"""Minimum assessed share of a section; a section with less is omitted."""
 
 _INTERVAL = (0.025, 0.975)
 
@@ -37,14 +36,14 @@ class Section:
 
     Parameters
     ----------
-    band : by name
-    start, end : boundaries, multiples of the length unless the profile begins or ends between [m]
-    assessed_share : of its points that may be judged
-    standard_deviation : of the true level, the root of its expected variance [m]
-    low, high : 95 % interval of it [m]
-    of_estimate : the standard deviation of the estimate itself [m]
-    probabilities : per quality class, best first; empty where the limits have no classes
-    classes : what they were judged by, if anything
+    band : name of the band
+    start, end : ends of the section, multiples of its length [m]
+    assessed_share : share of its points that are assessed
+    standard_deviation : standard deviation of the true level, the square root of its expected variance [m]
+    low, high : ends of its 95 % interval [m]
+    estimate_standard_deviation : standard deviation of the estimated level [m]
+    probabilities : probability of each quality class, best first; empty if the limit set has no classes
+    classes : quality classes at the line speed, if there are any
     """
 
     band: str
@@ -54,31 +53,31 @@ class Section:
     standard_deviation: float
     low: float
     high: float
-    of_estimate: float
+    estimate_standard_deviation: float
     probabilities: Mapping[str, float]
     classes: QualityClasses | None
 
     @property
     def length(self) -> float:
-        """From start to end [m]."""
+        """Length from start to end [m]."""
         return self.end - self.start
 
     @property
     def quality_class(self) -> str:
-        """The most probable class; empty without classes."""
+        """Name of the most probable class; empty without classes."""
         return max(self.probabilities, key=self.probabilities.__getitem__, default="")
 
 
 def assess_sections(
     level: BandLevel, length: float, classes: QualityClasses | None
 ) -> tuple[Section, ...]:
-    """All sections of a length that are assessable, in their order.
+    """Assess all sections of a length, in order of distance.
 
     Parameters
     ----------
-    level : the profile in a band
-    length : of a section [m]; boundaries are at its multiples
-    classes : of the band at the line's speed
+    level : level in a band
+    length : length of the sections [m]; they begin at its multiples
+    classes : quality classes of the band at the line speed
 
     Examples
     --------
@@ -104,7 +103,7 @@ def assess_sections(
         inside = slice(*np.searchsorted(level.distance, [start - 1e-6, end - 1e-6]))
         used = level.assessed[inside]
         share = np.count_nonzero(used) / count
-        if share >= LEAST_SHARE:
+        if share >= MIN_ASSESSED_SHARE:
             sections.append(
                 _section(level, inside, (start, end), min(share, 1.0), moments, classes)
             )
@@ -113,13 +112,13 @@ def assess_sections(
 
 @dataclass(frozen=True)
 class _ErrorMoments:
-    """Of an error of unit variance over one whole section.
+    """Moments of the variance over one section of an error of unit variance.
 
     Parameters
     ----------
-    correlation : its covariance (n, n)
-    mean : tr CR/n, of its variance about the section's mean
-    variance : 2 tr (CR)²/n², of that variance
+    correlation : correlation matrix R of the error, (n, n)
+    mean : expected variance about the section's mean, tr CR/n
+    variance : variance of that variance, 2 tr (CR)²/n²
     """
 
     correlation: Array
@@ -128,7 +127,7 @@ class _ErrorMoments:
 
 
 def _error_moments(level: BandLevel, count: int) -> _ErrorMoments:
-    row = level.colour.correlation(level.spacing * np.arange(count, dtype=np.float64))
+    row = level.error_spectrum.correlation(level.spacing * np.arange(count, dtype=np.float64))
     correlation = toeplitz(row)
     centred = correlation - correlation.mean(axis=0)
     mean = float(np.trace(centred)) / count
@@ -144,14 +143,14 @@ def _section(
     classes: QualityClasses | None,
 ) -> Section:
     used = level.assessed[inside]
-    values, spread = level.level[inside][used], level.deviation[inside][used]
+    values, deviation = level.level[inside][used], level.deviation[inside][used]
     centred = values - values.mean()
     weighted = np.zeros(used.size)
-    weighted[used] = centred * spread
+    weighted[used] = centred * deviation
     size = min(weighted.size, len(error.correlation))
     cross = float(weighted[:size] @ error.correlation[:size, :size] @ weighted[:size])
-    own, mean_square = float(np.mean(centred**2)), float(np.mean(spread**2))
-    expected = own + mean_square * error.mean
+    estimated, mean_square = float(np.mean(centred**2)), float(np.mean(deviation**2))
+    expected = estimated + mean_square * error.mean
     variance = 4 * cross / values.size**2 + mean_square**2 * error.variance / share
     low, high = _quantiles(expected, variance)
     return Section(
@@ -161,7 +160,7 @@ def _section(
         standard_deviation=float(np.sqrt(expected)),
         low=low,
         high=high,
-        of_estimate=float(np.sqrt(own)),
+        estimate_standard_deviation=float(np.sqrt(estimated)),
         probabilities={} if classes is None else _probabilities(expected, variance, classes),
         classes=classes,
     )
@@ -176,7 +175,7 @@ def _certain(expected: float, variance: float) -> bool:
 
 
 def _quantiles(expected: float, variance: float) -> tuple[float, float]:
-    """Of the standard deviation [m]."""
+    """Ends of the 95 % interval of the standard deviation [m]."""
     if _certain(expected, variance):
         return float(np.sqrt(expected)), float(np.sqrt(expected))
     shape, scale = _shape_and_scale(expected, variance)

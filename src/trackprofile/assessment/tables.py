@@ -1,4 +1,4 @@
-"""Results as tables of plain columns, each with its unit in its name, for files and pages."""
+"""Results as tables of plain columns, with the unit in the name of each column, for files and reports."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ TREND_TABLES = ("changes", "repeatability")
 _MILLI = 1e3
 
 
-def tables(found: Assessment, way: ChainageTable) -> dict[str, Table]:
-    """All tables of an assessment, by name: ``defects``, ``sections``, ``not_assessed``, ``spectra``.
+def tables(assessment: Assessment, chainage: ChainageTable) -> dict[str, Table]:
+    """All tables of an assessment, by name, see `ASSESSMENT_TABLES`.
 
     Examples
     --------
@@ -38,25 +38,25 @@ def tables(found: Assessment, way: ChainageTable) -> dict[str, Table]:
     >>> distance = np.arange(0.0, 400.0, 0.25)
     >>> dip = -0.04 * np.exp(-0.5 * ((distance - 200) / 2) ** 2)
     >>> rule = DefectLimits("D1", 0.0, 50.0, "ours", True, {Action.ALERT: 0.01})
-    >>> found = assess(build_profile(distance, dip, kind="truth"), Limits("ours", (rule,)), 40.0)
-    >>> made = tables(found, Way())
-    >>> made["defects"]["peak_kilometre"], made["defects"]["exceeded"]
+    >>> result = assess(build_profile(distance, dip, kind="truth"), Limits("ours", (rule,)), 40.0)
+    >>> defects = tables(result, ChainageTable())["defects"]
+    >>> defects["peak_kilometre"], defects["exceeded"]
     ([0.2], ['alert'])
     """
     return {
-        "defects": defect_table(found.defects, found, way),
-        "sections": section_table(found.sections, found, way),
+        "defects": defect_table(assessment.defects, assessment, chainage),
+        "sections": section_table(assessment.sections, chainage),
         "not_assessed": _columns(
             [
                 {
                     "band": one.band,
                     "start_m": one.start,
                     "end_m": one.end,
-                    "start_kilometre": _kilometre(way, one.start),
-                    "end_kilometre": _kilometre(way, one.end),
-                    "reasons": one.reasons.words,
+                    "start_kilometre": _kilometre(chainage, one.start),
+                    "end_kilometre": _kilometre(chainage, one.end),
+                    "reasons": one.reasons.text,
                 }
-                for one in found.not_assessed
+                for one in assessment.not_assessed
             ],
             ("band", "start_m", "end_m", "start_kilometre", "end_kilometre", "reasons"),
         ),
@@ -69,49 +69,57 @@ def tables(found: Assessment, way: ChainageTable) -> dict[str, Table]:
                     "difference_dB": one.difference_db,
                     "level_dB": one.level_db,
                 }
-                for one in found.spectra
+                for one in assessment.spectra
             ],
             ("start_m", "end_m", "nearest_spectrum", "difference_dB", "level_dB"),
         ),
     }
 
 
-def defect_table(defects: Sequence[Defect], found: Assessment, way: ChainageTable) -> Table:
-    """Of isolated defects, in the order given."""
+def defect_table(
+    defects: Sequence[Defect], assessment: Assessment, chainage: ChainageTable
+) -> Table:
+    """Table of isolated defects, in the given order."""
     rows = []
     for one in defects:
-        north, east = way.coordinates(one.peak)
+        north, east = chainage.coordinates(one.peak)
         row: dict[str, Any] = {
             "band": one.band,
             "start_m": one.start,
             "peak_m": one.peak,
             "end_m": one.end,
             "length_m": one.length,
-            "peak_kilometre": _kilometre(way, one.peak),
+            "peak_kilometre": _kilometre(chainage, one.peak),
             "latitude_deg": _number(north),
             "longitude_deg": _number(east),
             "location_deviation_m": one.location_deviation,
             "height_mm": _MILLI * one.height,
             "standard_deviation_mm": _MILLI * one.deviation,
-            "exceeded": words(one.exceeded),
-            "likely": words(one.likely),
+            "exceeded": action_text(one.exceeded),
+            "required_action": action_text(one.required_action),
         }
         for action in Action:
             name = action.name.lower()
             height = one.limits.heights.get(action)
             row[f"limit_{name}_mm"] = None if height is None else _MILLI * height
             row[f"probability_{name}"] = one.probabilities.get(action)
-        rows.append(row | {"obliges_to": duty(one, found), "limits_verified": one.limits.verified})
+        rows.append(
+            row
+            | {
+                "required_action_text": required_action_text(one, assessment),
+                "limits_verified": one.limits.verified,
+            }
+        )
     names = ["band", "start_m", "peak_m", "end_m", "length_m", "peak_kilometre", "latitude_deg"]
     names += ["longitude_deg", "location_deviation_m", "height_mm", "standard_deviation_mm"]
-    names += ["exceeded", "likely"]
+    names += ["exceeded", "required_action"]
     for action in Action:
         names += [f"limit_{action.name.lower()}_mm", f"probability_{action.name.lower()}"]
-    return _columns(rows, [*names, "obliges_to", "limits_verified"])
+    return _columns(rows, [*names, "required_action_text", "limits_verified"])
 
 
-def section_table(sections: Sequence[Section], found: Assessment, way: ChainageTable) -> Table:
-    """Of standard deviations per section, in the order given."""
+def section_table(sections: Sequence[Section], chainage: ChainageTable) -> Table:
+    """Table of standard deviations and quality classes per section, in the given order."""
     classes = list(dict.fromkeys(name for one in sections for name in one.probabilities))
     rows = []
     for one in sections:
@@ -120,13 +128,13 @@ def section_table(sections: Sequence[Section], found: Assessment, way: ChainageT
             "start_m": one.start,
             "end_m": one.end,
             "length_m": one.length,
-            "start_kilometre": _kilometre(way, one.start),
-            "end_kilometre": _kilometre(way, one.end),
+            "start_kilometre": _kilometre(chainage, one.start),
+            "end_kilometre": _kilometre(chainage, one.end),
             "assessed_share": one.assessed_share,
             "standard_deviation_mm": _MILLI * one.standard_deviation,
             "low_mm": _MILLI * one.low,
             "high_mm": _MILLI * one.high,
-            "of_estimate_mm": _MILLI * one.of_estimate,
+            "estimate_standard_deviation_mm": _MILLI * one.estimate_standard_deviation,
             "quality_class": one.quality_class,
         }
         row |= {f"probability_{name}": one.probabilities.get(name) for name in classes}
@@ -134,32 +142,40 @@ def section_table(sections: Sequence[Section], found: Assessment, way: ChainageT
             row | {"classes_verified": None if one.classes is None else one.classes.verified}
         )
     names = ["band", "start_m", "end_m", "length_m", "start_kilometre", "end_kilometre"]
-    names += ["assessed_share", "standard_deviation_mm", "low_mm", "high_mm", "of_estimate_mm"]
+    names += [
+        "assessed_share",
+        "standard_deviation_mm",
+        "low_mm",
+        "high_mm",
+        "estimate_standard_deviation_mm",
+    ]
     names += ["quality_class", *(f"probability_{name}" for name in classes), "classes_verified"]
     return _columns(rows, names)
 
 
-def duty(defect: Defect, found: Assessment) -> str:
-    """What a defect obliges to, in the words of the limits; empty if to nothing."""
-    action = defect.likely
-    if action is None or found.limits.duties is None:
+def required_action_text(defect: Defect, assessment: Assessment) -> str:
+    """What a defect requires, in the words of the limit set; empty if it requires nothing."""
+    action, texts = defect.required_action, assessment.limits.action_texts
+    if action is None or texts is None:
         return ""
-    return found.limits.duties.words.get(action, "")
+    return texts.texts.get(action, "")
 
 
-def words(action: Action | None) -> str:
-    """Of an action; empty for none."""
-    return "" if action is None else action.words
+def action_text(action: Action | None) -> str:
+    """Name of an action; empty for none."""
+    return "" if action is None else action.text
 
 
-def tables_per_rail(found: Mapping[Rail, Assessment], way: ChainageTable) -> dict[str, Table]:
-    """The same of several rails, one below the other, with a column ``rail`` in front."""
-    made = {rail: tables(one, way) for rail, one in found.items()}
+def tables_per_rail(
+    assessments: Mapping[Rail, Assessment], chainage: ChainageTable
+) -> dict[str, Table]:
+    """The tables of several rails, concatenated, with ``rail`` as the first column."""
+    per_rail = {rail: tables(one, chainage) for rail, one in assessments.items()}
     joined: dict[str, Table] = {}
-    for name in next(iter(made.values())):
-        heads = dict.fromkeys(head for one in made.values() for head in one[name])
+    for name in next(iter(per_rail.values())):
+        heads = dict.fromkeys(head for one in per_rail.values() for head in one[name])
         columns: Table = {"rail": [], **{head: [] for head in heads}}
-        for rail, one in made.items():
+        for rail, one in per_rail.items():
             count = len(next(iter(one[name].values())))
             columns["rail"] += count * [rail.value]
             for head in heads:
@@ -168,24 +184,26 @@ def tables_per_rail(found: Mapping[Rail, Assessment], way: ChainageTable) -> dic
     return joined
 
 
-def geojson_per_rail(found: Mapping[Rail, Assessment], way: ChainageTable) -> dict[str, Any]:
-    """The defects of several rails as points of a map, the rail among their properties."""
+def geojson_per_rail(
+    assessments: Mapping[Rail, Assessment], chainage: ChainageTable
+) -> dict[str, Any]:
+    """The defects of several rails as points of a map, with the rail as a property."""
     features = []
-    for rail, one in found.items():
-        for feature in geojson(one, way)["features"]:
+    for rail, one in assessments.items():
+        for feature in geojson(one, chainage)["features"]:
             properties = {"rail": rail.value, **feature["properties"]}
             features.append(feature | {"properties": properties})
     return {"type": "FeatureCollection", "features": features}
 
 
-def geojson(found: Assessment, way: ChainageTable) -> dict[str, Any]:
-    """The defects as points of a map (RFC 7946), those whose place is known.
+def geojson(assessment: Assessment, chainage: ChainageTable) -> dict[str, Any]:
+    """The defects with known coordinates as points of a map (RFC 7946).
 
     Examples
     --------
     See `docs/assessment.md`.
     """
-    table = defect_table(found.defects, found, way)
+    table = defect_table(assessment.defects, assessment, chainage)
     features = []
     for i, (north, east) in enumerate(
         zip(table["latitude_deg"], table["longitude_deg"], strict=True)
@@ -207,24 +225,24 @@ def _columns(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
     return {name: [row[name] for row in rows] for name in names}
 
 
-def _kilometre(way: ChainageTable, distance: float) -> float:
-    return round(float(way.kilometres(distance)), 4)
+def _kilometre(chainage: ChainageTable, distance: float) -> float:
+    return round(float(chainage.kilometres(distance)), 4)
 
 
 def _number(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def change_table(found: Trend, way: ChainageTable) -> Table:
-    """Of places that changed between passes."""
+def change_table(trend: Trend, chainage: ChainageTable) -> Table:
+    """Table of locations that changed between passes."""
     rows = []
-    for one in found.places:
+    for one in trend.changed_locations:
         row: dict[str, Any] = {
             "band": one.band,
             "start_m": one.start,
             "peak_m": one.peak,
             "end_m": one.end,
-            "peak_kilometre": _kilometre(way, one.peak),
+            "peak_kilometre": _kilometre(chainage, one.peak),
             "change_mm": _MILLI * one.change,
             "standard_deviation_mm": _MILLI * one.deviation,
             "level_mm": _MILLI * one.level,
@@ -233,7 +251,7 @@ def change_table(found: Trend, way: ChainageTable) -> Table:
             if one.per_day_deviation is None
             else _MILLI * one.per_day_deviation,
         }
-        dates = {each.action: each for each in one.reached}
+        dates = {each.action: each for each in one.limit_crossings}
         for action in Action:
             each = dates.get(action)
             for name in ("earliest", "median", "latest"):
@@ -250,18 +268,18 @@ def change_table(found: Trend, way: ChainageTable) -> Table:
     return _columns(rows, names)
 
 
-def repeatability_table(found: Trend) -> Table:
-    """Of how passes repeat each other, per band."""
+def repeatability_table(trend: Trend) -> Table:
+    """Table of repeatability and reproducibility per band."""
     rows = [
         {
             "band": one.band,
             "kind": "repeatability" if one.same_vehicle else "reproducibility",
             "difference_95_mm": _MILLI * one.difference,
-            "to_stay_below_mm": None if one.limit is None else _MILLI * one.limit,
+            "maximum_mm": None if one.limit is None else _MILLI * one.limit,
             "pairs": one.pairs,
             "limit_verified": None if one.required is None else one.required.verified,
         }
-        for one in found.repeatabilities
+        for one in trend.repeatabilities
     ]
-    names = ["band", "kind", "difference_95_mm", "to_stay_below_mm", "pairs", "limit_verified"]
+    names = ["band", "kind", "difference_95_mm", "maximum_mm", "pairs", "limit_verified"]
     return _columns(rows, names)

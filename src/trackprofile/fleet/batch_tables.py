@@ -38,7 +38,7 @@ def _row(outcome: JobResult) -> dict[str, Any]:
         "known_share": None if entry is None else entry.known_share,
     }
     for action in reversed(Action):
-        said[action.name.lower()] = None if entry is None else entry.defects.get(action.words, 0)
+        said[action.name.lower()] = None if entry is None else entry.defects.get(action.text, 0)
     return said | {"wall_s": outcome.wall, "cpu_s": outcome.cpu}
 
 
@@ -48,9 +48,9 @@ def sentences(night: BatchResult) -> list[str]:
     said = [f"{_counted(stored)} stored, {there} there already, {failed} failed."]
     entries = [one.entry for one in night.of(State.STORED) if one.entry is not None]
     for action in reversed(Action):
-        places = sum(entry.defects.get(action.words, 0) for entry in entries)
+        places = sum(entry.defects.get(action.text, 0) for entry in entries)
         if places:
-            said.append(f"{places} places in the new passes call for {action.words}.")
+            said.append(f"{places} places in the new passes call for {action.text}.")
     if entries:
         said.append(
             f"{night.length / _KM:.4g} km of profiles in {duration(night.wall)} on {night.workers} workers: "

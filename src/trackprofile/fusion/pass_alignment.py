@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import fftconvolve
 
-from trackprofile.assessment.alignment import DRIFT, LIKE, SEEN, Alignment, align
+from trackprofile.assessment.alignment import (
+    ALIGNMENT_BAND,
+    MAX_DRIFT,
+    MIN_CORRELATION,
+    Alignment,
+    align,
+)
 from trackprofile.assessment.trend import DatedProfile
 from trackprofile.bands import BANDS, D1, band_pass_pieces, resample
 from trackprofile.contracts import known_elevation
@@ -135,7 +141,13 @@ def realign_pass(
     """
     try:
         alignment = align(
-            one.dated.profile, line, one.dated.name, DRIFT, D1, MIN_LAG_DEVIATION, ALIGNMENT_WINDOW
+            one.dated.profile,
+            line,
+            one.dated.name,
+            max_lag=MAX_DRIFT,
+            band=D1,
+            min_standard_deviation=MIN_LAG_DEVIATION,
+            window=ALIGNMENT_WINDOW,
         )
     except DataError:
         return RejectedPass(one.dated, reversed=False)
@@ -149,13 +161,13 @@ def realign_pass(
 
 
 def _shifted(one: DatedProfile, alignment: Alignment) -> DatedProfile:
-    return DatedProfile(alignment.moved(one.profile), one.day, one.name)
+    return DatedProfile(alignment.shifted(one.profile), one.day, one.name)
 
 
 def _mean_lag(one: DatedProfile, alignment: Alignment) -> float:
     """Mean lag of the whole pass [m]."""
     distance = one.profile["distance"].to_numpy()
-    return float(np.mean(distance - alignment.moved(one.profile)["distance"].to_numpy()))
+    return float(np.mean(distance - alignment.shifted(one.profile)["distance"].to_numpy()))
 
 
 @dataclass(frozen=True)
@@ -185,7 +197,7 @@ def _slope_of(one: DatedProfile) -> _SlopeProfile:
     half = 0.5 * _STEP
     grid = np.arange(start, distance[-1], half)
     level = resample(distance, known_elevation(one.profile), grid)
-    slope = np.gradient(band_pass_pieces(level, half, SEEN), half)[::2]
+    slope = np.gradient(band_pass_pieces(level, half, ALIGNMENT_BAND), half)[::2]
     known = np.isfinite(slope)
     return _SlopeProfile(one, float(start), np.where(known, slope, 0.0), known)
 
@@ -198,11 +210,11 @@ def _tracked_lag(one: _SlopeProfile, reference: _SlopeProfile) -> Alignment | No
     path = _viterbi_path(correlation, max(1, round(MAX_SCALE_DIFFERENCE * count / 2)))
     on_path = correlation[np.arange(starts.size), path]
     defined = on_path != 0.0
-    if not defined.any() or on_path[defined].mean() < LIKE:
+    if not defined.any() or on_path[defined].mean() < MIN_CORRELATION:
         return None
     centres = np.asarray(reference.start + _STEP * (starts + 0.5 * count), np.float64)
     return _piecewise_linear_lag(
-        centres, np.asarray(_STEP * path - MAX_LAG, np.float64), on_path > LIKE
+        centres, np.asarray(_STEP * path - MAX_LAG, np.float64), on_path > MIN_CORRELATION
     )
 
 
@@ -236,14 +248,14 @@ def _viterbi_path(correlation: Array, max_step: int) -> NDArray[np.intp]:
 
 
 def _piecewise_linear_lag(distance: Array, lag: Array, reliable: Mask) -> Alignment:
-    """Piecewise linear fit to the reliable lags, with the fewest pieces within a quarter of `DRIFT`, extrapolated."""
+    """Piecewise linear fit to the reliable lags, with the fewest pieces within `MAX_DRIFT` / 4, extrapolated."""
     distance, lag = distance[reliable], lag[reliable]
     knots, at_knots = distance[:1], lag[:1]
     for pieces in range(1, distance.size):
         knots = np.linspace(distance[0], distance[-1], pieces + 1)
         hats = np.stack([np.interp(distance, knots, one) for one in np.eye(pieces + 1)], axis=1)
         at_knots = np.asarray(np.linalg.lstsq(hats, lag, rcond=None)[0], np.float64)
-        if np.abs(hats @ at_knots - lag).max() < 0.25 * DRIFT:
+        if np.abs(hats @ at_knots - lag).max() < 0.25 * MAX_DRIFT:
             break
     if knots.size == 1:
         return Alignment(knots, at_knots, np.zeros(1))

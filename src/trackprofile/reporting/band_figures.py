@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.levels import BandLevel, not_assessed
-from trackprofile.assessment.tables import words
+from trackprofile.assessment.tables import action_text
 from trackprofile.bands import resample
 from trackprofile.positioning.chainage import ChainageTable
 
@@ -73,11 +73,11 @@ def _band(assessment: Assessment, level: BandLevel, compared: BandLevel | None) 
         "standard_deviation": packed(level.deviation[::DEVIATION_STRIDE]) if level.stated else "",
         "compared": "" if other is None else packed(other),
         "limits": [
-            {"action": words(action), "height_mm": _MILLI * height}
+            {"action": action_text(action), "height_mm": _MILLI * height}
             for action, height in sorted(heights.items())
         ],
         "not_assessed": [
-            {"start_m": one.start, "end_m": one.end, "reasons": one.reasons.words}
+            {"start_m": one.start, "end_m": one.end, "reasons": one.reasons.text}
             for one in not_assessed(level)
         ],
         "defects": [_defect(one) for one in assessment.defects if one.band == name],
@@ -90,7 +90,7 @@ def _defect(one: Defect) -> dict[str, Any]:
         "peak_m": round(one.peak, 2),
         "end_m": round(one.end, 2),
         "height_mm": round(_MILLI * one.height, 2),
-        "required_action": one.likely.words if one.likely else "",
+        "required_action": one.required_action.text if one.required_action else "",
     }
 
 

@@ -71,7 +71,7 @@ def method(report: Report) -> dict[str, str]:
         "probability": "probability that the true level exceeds the limit somewhere in the defect, from the "
         f"uncertainty that the profile states; defects are listed from {100 * assessment.least_probability:g} %",
         "standard deviation": "standard deviation of the true level over a section, with its 95 % interval; "
-        "of_estimate is that of the estimated level, which is smoother than the true one",
+        "estimate_standard_deviation is that of the estimated level, which is smoother than the true one",
         "version": f"trackprofile {report.version}",
     }
     return {name: text for name, text in parts.items() if text}
@@ -155,7 +155,7 @@ def _defect_differences(
         [
             _DefectStretch(one.band, one.start, one.end, chainage.name(one.peak))
             for one in each.defects
-            if one.likely and one.start >= start and one.end <= end
+            if one.required_action and one.start >= start and one.end <= end
         ]
         for each in (assessment, compared)
     )

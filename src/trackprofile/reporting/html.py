@@ -11,7 +11,13 @@ from trackprofile.arrays import NORMAL_95
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.limits import Action
-from trackprofile.assessment.tables import Table, change_table, duty, tables, words
+from trackprofile.assessment.tables import (
+    Table,
+    action_text,
+    change_table,
+    required_action_text,
+    tables,
+)
 from trackprofile.reporting.band_figures import chart_data
 from trackprofile.reporting.contents import Report, differences, method
 from trackprofile.reporting.spectrum_figure import spectrum_svg
@@ -113,7 +119,7 @@ def _charts(report: Report) -> str:
         for key, name, text in _BUTTONS
     )
     keys = ["level", "interval", "not-assessed", "alert", "intervention", "immediate-action"]
-    names = ["level", "95 % interval", "not assessed", *(action.words for action in Action)]
+    names = ["level", "95 % interval", "not assessed", *(action.text for action in Action)]
     if report.compared:
         keys.append("compared")
         names.append(report.compared_name)
@@ -154,7 +160,7 @@ def _defects(report: Report) -> str:
         f'<option value="{value}">{text}</option>' for value, text in _FILTERS.items()
     )
     heads = ["location", "band", "height, mm", "± 95 %, mm", "length, m"]
-    heads += [f"P {action.words}" for action in Action]
+    heads += [f"P {action.text}" for action in Action]
     return (
         f'<h2>Isolated defects</h2><p><label>Show <select id="choice">{options}</select></label> '
         "P is the probability that the true level exceeds the limit.</p>"
@@ -173,11 +179,12 @@ def _defect(one: Defect, report: Report) -> str:
         percent(one.probabilities[action]) if action in one.probabilities else "–"
         for action in Action
     ]
-    grade = int(one.likely) if one.likely else 0
+    grade = int(one.required_action) if one.required_action else 0
     return (
         f'<tr class="grade-{grade}" data-grade="{grade}"><td>{link}</td><td>{escape(one.band)}</td>'
         + "".join(f'<td class="number">{value}</td>' for value in numbers)
-        + f'<td title="{escape(duty(one, report.assessment))}">{words(one.likely)}</td></tr>'
+        + f'<td title="{escape(required_action_text(one, report.assessment))}">'
+        + f"{action_text(one.required_action)}</td></tr>"
     )
 
 
@@ -188,8 +195,8 @@ def _sections(report: Report) -> str:
     columns = {
         name: table[name]
         for name in (
-            "start_kilometre", "band", "length_m", "standard_deviation_mm", "low_mm", "high_mm", "of_estimate_mm",
-            "quality_class", "assessed_share",
+            "start_kilometre", "band", "length_m", "standard_deviation_mm", "low_mm", "high_mm",
+            "estimate_standard_deviation_mm", "quality_class", "assessed_share",
         )
     }  # fmt: skip
     return f"<h2>Sections</h2>{html_table(columns, 'sections')}"

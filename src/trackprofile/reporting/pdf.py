@@ -16,7 +16,7 @@ from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.levels import BandLevel, not_assessed
 from trackprofile.assessment.limits import Action
-from trackprofile.assessment.tables import words
+from trackprofile.assessment.tables import action_text
 from trackprofile.positioning.chainage import ChainageTable
 from trackprofile.reporting import palette
 from trackprofile.reporting.contents import Report, differences, method
@@ -107,8 +107,8 @@ def _draw_strip(
         if one.end > start and one.start < end:
             axes.axvspan(max(one.start, start), min(one.end, end), color=palette.MISSING, lw=0)
     for one in assessment.defects:
-        if one.band == level.band.name and one.likely and start <= one.peak < end:
-            colour = palette.ACTIONS[one.likely]
+        if one.band == level.band.name and one.required_action and start <= one.peak < end:
+            colour = palette.ACTIONS[one.required_action]
             axes.axvspan(one.start, one.end, color=colour, alpha=0.4, linewidth=0)
     ticks = np.arange(start, end + 1, 100.0)
     axes.set_xlim(start, end)
@@ -119,9 +119,9 @@ def _draw_strip(
 
 def _table_pages(report: Report) -> Iterator[Figure]:
     assessment = report.assessment
-    defects = [one for one in assessment.defects if one.likely]
+    defects = [one for one in assessment.defects if one.required_action]
     defects.sort(key=lambda one: (-severity(one)[0], one.peak))
-    probabilities = [f"P {one.words}" for one in Action]
+    probabilities = [f"P {one.text}" for one in Action]
     heads = ["location", "band", "height, mm", "± 95 %", "length, m", *probabilities]
     rows = [_defect_row(one, report.chainage) for one in defects]
     yield from _tables("Isolated defects that require an action", [*heads, "action"], rows)
@@ -148,7 +148,13 @@ def _defect_row(one: Defect, chainage: ChainageTable) -> list[str]:
     ]
     half = NORMAL_95 * _MILLI * one.deviation
     size = [f"{_MILLI * one.height:.1f}", f"{half:.1f}", f"{one.length:.1f}"]
-    return [chainage.name(one.peak), one.band, *size, *probabilities, words(one.likely)]
+    return [
+        chainage.name(one.peak),
+        one.band,
+        *size,
+        *probabilities,
+        action_text(one.required_action),
+    ]
 
 
 def _tables(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[Figure]:

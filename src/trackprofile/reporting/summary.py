@@ -9,7 +9,7 @@ from trackprofile.arrays import NORMAL_95
 from trackprofile.assessment.assess import Assessment
 from trackprofile.assessment.defects import Defect
 from trackprofile.assessment.limits import KM_H, Action
-from trackprofile.assessment.tables import words
+from trackprofile.assessment.tables import action_text
 from trackprofile.assessment.trend import ChangedLocation, Trend
 from trackprofile.positioning.chainage import ChainageTable
 
@@ -36,14 +36,14 @@ def summary(assessment: Assessment, chainage: ChainageTable) -> list[str]:
     """
     sentences = []
     for action in sorted(Action, reverse=True):
-        defects = [one for one in assessment.defects if one.likely == action]
+        defects = [one for one in assessment.defects if one.required_action == action]
         if defects:
             sentences += _required(action, defects, assessment, chainage)
     if not sentences:
         sentences.append(
             "No location requires an action: no limit is exceeded with a probability of 50 % or more."
         )
-    possible = [one for one in assessment.defects if one.likely is None]
+    possible = [one for one in assessment.defects if one.required_action is None]
     if possible:
         sentences.append(
             f"{_locations(len(possible))} may exceed a limit (probability {100 * assessment.least_probability:.0f} "
@@ -56,12 +56,12 @@ def _required(
     action: Action, defects: Sequence[Defect], assessment: Assessment, chainage: ChainageTable
 ) -> list[str]:
     verb = "requires" if len(defects) == 1 else "require"
-    name = {Action.ALERT: "an alert"}.get(action, action.words)
+    name = {Action.ALERT: "an alert"}.get(action, action.text)
     text = f"{_locations(len(defects))} {verb} {name}: {_named(defects, chainage)}."
-    duties = assessment.limits.duties
-    if duties is None or action not in duties.words:
+    action_texts = assessment.limits.action_texts
+    if action_texts is None or action not in action_texts.texts:
         return [text]
-    return [text, f"Required action: {duties.words[action]}."]
+    return [text, f"Required action: {action_texts.texts[action]}."]
 
 
 def _locations(count: int) -> str:
@@ -80,11 +80,13 @@ def _rest(count: int) -> str:
 
 def severity(defect: Defect) -> tuple[float, float]:
     """Sort key of a defect: its required action, then the ratio of its height to the lowest limit."""
-    return float(defect.likely or 0), abs(defect.height) / min(defect.limits.heights.values())
+    return float(defect.required_action or 0), abs(defect.height) / min(
+        defect.limits.heights.values()
+    )
 
 
 def _defect(defect: Defect, chainage: ChainageTable) -> str:
-    action = defect.likely or min(defect.probabilities)
+    action = defect.required_action or min(defect.probabilities)
     side = "up" if defect.height > 0 else "down"
     size = f"{abs(_MILLI * defect.height):.1f}"
     if defect.deviation:
@@ -169,12 +171,12 @@ def trend_summary(trend: Trend, chainage: ChainageTable) -> list[str]:
     """Changes between passes in sentences, the largest first."""
     first, last = trend.passes[0], trend.passes[-1]
     span = f"from {first[1]} ({first[0]}) to {last[1]} ({last[0]})"
-    if not trend.places:
+    if not trend.changed_locations:
         sentences = [
             f"No significant change {span}: the uncertainty of the passes explains all differences."
         ]
     else:
-        ordered = sorted(trend.places, key=lambda one: -abs(one.change))
+        ordered = sorted(trend.changed_locations, key=lambda one: -abs(one.change))
         text = "; ".join(changed_location(one, chainage) for one in ordered[:MAX_NAMED])
         sentences = [f"{_locations(len(ordered))} changed {span}: {text}{_rest(len(ordered))}."]
     for one in trend.repeatabilities:
@@ -196,11 +198,11 @@ def changed_location(one: ChangedLocation, chainage: ChainageTable) -> str:
             _MONTH * _MILLI * value for value in (one.per_day, NORMAL_95 * one.per_day_deviation)
         )
         text += f", {rate:+.2f} ± {rate_half:.2f} mm in {_MONTH} days"
-    crossing = next((each for each in one.reached if each.median), None)
+    crossing = next((each for each in one.limit_crossings if each.median), None)
     if crossing:
         latest = crossing.latest or "not within ten years"
         text += (
-            f", {words(crossing.action)} at {_MILLI * crossing.limit:g} mm on {crossing.median} "
+            f", {action_text(crossing.action)} at {_MILLI * crossing.limit:g} mm on {crossing.median} "
             f"({crossing.earliest} to {latest})"
         )
     return text + ")"

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 POSSIBLE = "possible"
 """Name of defects whose limits are exceeded with a probability below 50 %."""
 
-ACTIONS = {action.words: action for action in Action}
+ACTIONS = {action.text: action for action in Action}
 _MILLI = 1e3
 _GRADES = {"": 0, **{name: int(action) for name, action in ACTIONS.items()}}
 
@@ -38,8 +38,8 @@ _COLUMNS = (
     "end_m",
     "height_mm",
     "standard_deviation_mm",
-    "likely",
-    "obliges_to",
+    "required_action",
+    "required_action_text",
 )
 _ACTION_COLUMNS = tuple(
     f"{quantity}_{action.name.lower()}{unit}"
@@ -63,7 +63,9 @@ def defect_rows(
 
 def grades(rows: pa.Table) -> NDArray[np.int64]:
     """Grade of the action that each defect requires: 0 is possible only, 3 is the most severe."""
-    return np.array([_GRADES.get(one or "", 0) for one in _texts(rows, "likely")], np.int64)
+    return np.array(
+        [_GRADES.get(one or "", 0) for one in _texts(rows, "required_action")], np.int64
+    )
 
 
 def lowest_limits(rows: pa.Table) -> Array:
@@ -102,7 +104,7 @@ def defect_list(rows: pa.Table) -> list[DefectInfo]:
     return [
         DefectInfo(
             **{name: one[name] for name in _COLUMNS[:7]},
-            required_action=one["likely"] or "",
+            required_action=one["required_action"] or "",
             probabilities=_by_action(one, "probability_{}"),
             limits_mm=_by_action(one, "limit_{}_mm"),
         )
@@ -113,7 +115,9 @@ def defect_list(rows: pa.Table) -> list[DefectInfo]:
 def requirements(rows: pa.Table) -> list[ActionRequirement]:
     """What the actions in some rows require, the most severe first."""
     texts: dict[str, str] = {}
-    for action, text in zip(_texts(rows, "likely"), _texts(rows, "obliges_to"), strict=True):
+    for action, text in zip(
+        _texts(rows, "required_action"), _texts(rows, "required_action_text"), strict=True
+    ):
         if action and text:
             texts.setdefault(action, text)
     ordered = sorted(texts, key=lambda action: -_GRADES.get(action, 0))
@@ -124,7 +128,9 @@ def schematic_response(
     store: Store, entries: Sequence[Entry], whole: tuple[float, float], bins: int
 ) -> Schematic:
     """All defects of some passes, grouped by bin of the line and required action."""
-    rows = defect_rows(store, entries, columns=("peak_m", "height_mm", "likely", *_LIMIT_COLUMNS))
+    rows = defect_rows(
+        store, entries, columns=("peak_m", "height_mm", "required_action", *_LIMIT_COLUMNS)
+    )
     size = (whole[1] - whole[0]) / bins
     peak, grade = _floats(rows, "peak_m"), grades(rows)
     number = np.clip(((peak - whole[0]) / size).astype(np.int64), 0, bins - 1)

@@ -138,7 +138,7 @@ def millimetres(values: Array, digits: int) -> list[float | None]:
 def limit_list(heights: Mapping[Action, float]) -> list[Limit]:
     """Limits in order, the lowest first; ``heights`` in m."""
     return [
-        Limit(action=action.words, height_mm=round(_MILLI * height, 6))
+        Limit(action=action.text, height_mm=round(_MILLI * height, 6))
         for action, height in sorted(heights.items())
     ]
 

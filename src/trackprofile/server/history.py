@@ -8,7 +8,7 @@ from datetime import timedelta
 import numpy as np
 
 from trackprofile.arrays import NORMAL_95
-from trackprofile.assessment.development import Development, around, development
+from trackprofile.assessment.development import Development, development, required_reach
 from trackprofile.assessment.limits import Action, DefectLimits, Limits
 from trackprofile.assessment.trend import ChangedLocation, DatedProfile, LimitCrossing, Trend, trend
 from trackprofile.assessment.trend_fit import Rate
@@ -86,7 +86,7 @@ def development_response(
         raise UnknownError(f"No pass of these days covers {at:.1f} m.")
     used = _thinned(covering)
     by_name = {_pass_name(one): one for one in used}
-    reach = around(band)
+    reach = required_reach(band)
     profiles = [
         DatedProfile(read_profile(store, one, at - reach, at + reach), one.day, name)
         for name, one in by_name.items()
@@ -105,16 +105,16 @@ def development_response(
         standard_deviation_mm=[round(_MILLI * one, 4) for one in result.deviation.tolist()],
         trend=rate and _trend(rate, result),
         forecast=_forecast(rate, result) if rate else [],
-        limit_crossings=_limit_crossings(result.reached),
+        limit_crossings=_limit_crossings(result.limit_crossings),
         exceeded_limits=[
             one for one in limit_list(heights) if rate and abs(_MILLI * rate.level) > one.height_mm
         ],
         limits=limit_list(heights),
         surroundings=_surroundings(result),
         excluded=[
-            ExcludedPass(entry=one.id, day=one.day, run=one.run, reason=result.left_out[name])
+            ExcludedPass(entry=one.id, day=one.day, run=one.run, reason=result.excluded[name])
             for name, one in by_name.items()
-            if name in result.left_out
+            if name in result.excluded
         ],
         omitted_passes=len(covering) - len(used),
         notes=caveats_on_band(determining, band),
@@ -137,7 +137,7 @@ def _trend(rate: Rate, result: Development) -> TrendInfo:
     return TrendInfo(
         rate_mm_per_day=_MILLI * rate.per_day,
         rate_standard_deviation_mm_per_day=_MILLI * rate.deviation,
-        is_linear=result.straight,
+        is_linear=result.is_linear,
     )
 
 
@@ -146,13 +146,13 @@ def _forecast(rate: Rate, result: Development) -> list[ForecastPoint]:
     first, last = result.passes[0][1], result.passes[-1][1]
     past = (last - first).days
     ahead = max(MIN_FORECAST_DAYS, past // 2)
-    crossing = min((one.median for one in result.reached if one.median), default=None)
+    crossing = min((one.median for one in result.limit_crossings if one.median), default=None)
     if crossing is not None and (crossing - last).days <= 3 * max(past, MIN_FORECAST_DAYS):
         ahead = max(ahead, round(1.15 * (crossing - last).days))
     history = np.linspace(-past, 0.0, _FORECAST_POINTS)
     future = np.linspace(0.0, min(ahead, MAX_FORECAST_DAYS), _FORECAST_POINTS)
     days = np.unique(np.round(np.concatenate([history, future])).astype(np.float64))
-    level, deviation = rate.ahead(days)
+    level, deviation = rate.predict(days)
     return [
         ForecastPoint(
             day=last + timedelta(days=int(day)),
@@ -169,14 +169,14 @@ def _surroundings(result: Development) -> Surroundings:
     near = np.abs(result.distance - result.at) <= SURROUNDINGS
     return Surroundings(
         distance_m=np.round(result.distance[near], 3).tolist(),
-        levels_mm=[millimetres(one[near], 3) for one in result.along],
+        levels_mm=[millimetres(one[near], 3) for one in result.surroundings],
     )
 
 
 def _limit_crossings(crossings: Sequence[LimitCrossing]) -> list[LimitCrossingInfo]:
     return [
         LimitCrossingInfo(
-            action=one.action.words,
+            action=one.action.text,
             height_mm=round(_MILLI * one.limit, 6),
             earliest=one.earliest,
             median=one.median,
@@ -226,7 +226,7 @@ def comparison_response(
             difference = _difference(difference, changes, band)
             locations = [
                 _changed_location(one)
-                for one in changes.places
+                for one in changes.changed_locations
                 if stretch[0] <= one.peak <= stretch[1]
             ]
     else:
@@ -259,7 +259,7 @@ def _changes(
     heights: Mapping[Action, float],
 ) -> Trend:
     """Changes between the pass of each day that covers most of the stretch."""
-    reach = around(band)
+    reach = required_reach(band)
     passes = []
     for entries in days:
         one = max(entries, key=lambda each: min(each.end, stretch[1]) - max(each.start, stretch[0]))
@@ -291,7 +291,7 @@ def _changed_location(one: ChangedLocation) -> ChangedLocationInfo:
         level_mm=_MILLI * one.level,
         rate_mm_per_day=rate,
         rate_standard_deviation_mm_per_day=deviation,
-        limit_crossings=_limit_crossings(one.reached),
+        limit_crossings=_limit_crossings(one.limit_crossings),
     )
 
 

@@ -239,7 +239,7 @@ def _entry(body: dict[str, Any]) -> Entry:
         points=int(body["points"]),
         known_share=float(body["known_share"]),
         standard_deviations=dict(body["standard_deviations"]),
-        defects={one.words: int(body["defects"][one.words]) for one in Action},
+        defects={one.text: int(body["defects"][one.text]) for one in Action},
         notes=tuple(body["notes"]),
         files={name: StoredFile(**one) for name, one in body["files"].items()},
         schema=body["schema"],

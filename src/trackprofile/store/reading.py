@@ -24,6 +24,13 @@ from trackprofile.store.store import Store
 
 _REMEDY = "run trackprofile store verify, remove the file with its entry, and add the pass again"
 
+_RENAMED_COLUMNS = {
+    "likely": "required_action",
+    "required_action_text": "required_action_text",
+    "of_estimate_mm": "estimate_standard_deviation_mm",
+}
+"""Columns of assessment tables that schema 1 named differently, old name first."""
+
 
 def read_columns(
     store: Store,
@@ -140,8 +147,11 @@ def read_table_rows(
         )
     wanted = None if columns is None else [*dict.fromkeys((*columns, "start_m", "end_m"))]
     with _open_parquet(store, entry.path(name)) as file:
-        existing = file.schema_arrow.names
-        rows = file.read(None if wanted is None else [one for one in wanted if one in existing])
+        stored = {_RENAMED_COLUMNS.get(one, one): one for one in file.schema_arrow.names}
+        rows = file.read(
+            None if wanted is None else [stored[one] for one in wanted if one in stored]
+        )
+        rows = rows.rename_columns([_RENAMED_COLUMNS.get(one, one) for one in rows.column_names])
         if start is not None:
             rows = rows.filter(pa.array(rows["end_m"].to_numpy() >= start))
         if end is not None:

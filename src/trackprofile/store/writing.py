@@ -212,7 +212,7 @@ def _entry(
         for one in stated
         if not gap.all()
     }
-    probable = [one.likely for one in assessment.defects]
+    probable = [one.required_action for one in assessment.defects]
     return Entry(
         id=identifier,
         key=key,
@@ -223,7 +223,7 @@ def _entry(
         points=gap.size,
         known_share=float(1 - gap.mean()),
         standard_deviations=medians,
-        defects={action.words: probable.count(action) for action in Action},
+        defects={action.text: probable.count(action) for action in Action},
         notes=tuple(assessment.notes),
         files={table: file_checksum(content) for table, content in contents.items()},
     )
