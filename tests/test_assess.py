@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from narrowing import floats
 from trackprofile.assessment.assess import assess
-from trackprofile.assessment.errors_in_band import Colour, error_spectrum
+from trackprofile.assessment.errors_in_band import ErrorSpectrum, error_spectrum
 from trackprofile.assessment.exceedance import exceedance_probability
 from trackprofile.assessment.levels import NotAssessedReason, band_levels
 from trackprofile.assessment.limits import Action, DefectLimits, Limits, QualityClasses
@@ -60,7 +60,7 @@ def test_exceedance_probability_is_that_of_dense_simulation(
     slope: float, distance_to_limit: float, half_wave: float
 ) -> None:
     """Half a sine of 10 mm with an error of 1 mm that lives in D1; 20,000 draws on a finer grid."""
-    colour = Colour(D1, slope)
+    colour = ErrorSpectrum(D1, slope)
     fine = np.arange(0.0, half_wave, SPACING / 2)
     level = 0.01 * np.sin(np.pi * fine / half_wave)
     limit = 0.01 + 1e-3 * distance_to_limit
@@ -101,11 +101,11 @@ def test_the_error_spectrum_the_error_is_found_from_two_bands() -> None:
     for slope in (1.0, 3.0, 5.0):
         deviations = {band.name: band_deviation(band, slope) for band in BANDS}
         for band in BANDS:
-            assert error_spectrum(band, deviations).slope == pytest.approx(slope, abs=0.1)
+            assert error_spectrum(band, deviations).exponent == pytest.approx(slope, abs=0.1)
 
 
 def test_correlation_and_wavenumber_of_the_error_are_those_of_filtered_noise() -> None:
-    colour = Colour(D1, 4.0)
+    colour = ErrorSpectrum(D1, 4.0)
     noise = band_pass(coloured(60, 2**14, 4.0, np.random.default_rng(1)), SPACING, D1)
     noise = noise[:, 1000:-1000] / noise[:, 1000:-1000].std()
     for lag in (4, 20, 60):
@@ -347,4 +347,6 @@ def test_the_density_of_a_spectrum_is_one_sided_in_rad_per_m() -> None:
 def test_bands_without_limits_are_said() -> None:
     rule = DefectLimits("D1", 0.0, 50.0, "ours", True, {Action.ALERT: 0.01})
     found = assess(build_profile(*sine(), kind="truth"), Limits("ours", (rule,)), 40.0)
-    assert any("have none for isolated defects in D2 at 144 km/h" in note for note in found.notes)
+    assert any(
+        "have no limits for isolated defects in D2 at 144 km/h" in note for note in found.notes
+    )

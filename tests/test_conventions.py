@@ -37,26 +37,20 @@ MOST_ROOT_MODULES, MOST_INFERENCE_MODULES = 12, 20
 
 LONG_MODULES: set[str] = set()
 LONG_FUNCTIONS: set[str] = set()
-MANY_POSITIONAL_PARAMETERS = {
-    "assessment/alignment.py:align",
-    "calibration/calibrate.py:_fit",
-}
+MANY_POSITIONAL_PARAMETERS = {}
 MIRRORED_MODULES = {
     "assess", "calibrate", "compare", "fuse", "infer", "report", "serve", "simulate", "store", "trend",
 }  # fmt: skip
 """Modules of `cli` with the name of their command; each calls the module of the same name."""
 EQUAL_CLASSES = {
     "Evaluation": "an option of the command line, and the setting of the method that it chooses",
-    "Trend": "a result, and its form in an answer of the server",
 }
 """Classes of one name with one meaning, and why there are two."""
 UNDOCUMENTED_PARAMETERS = {
     "write: dataset",
     "write: path",
 }
-PARAMETERS_WITHOUT_UNIT = {
-    "assess: least_probability",
-}
+PARAMETERS_WITHOUT_UNIT: set[str] = set()
 UNITS = (
     "m", "mm", "km", "m/s", "m/s²", "m²", "1/m", "rad", "rad/s", "rad/m", "m² rad/m", "°", "Hz", "s", "kg", "kg/m",
     "kg m²", "N", "N/m", "N s/m", "N m²", "N m/rad", "%", "dimensionless",

@@ -122,7 +122,7 @@ def test_one_pass_has_a_level_as_it_states_and_no_rate() -> None:
 
 def test_a_place_that_nobody_tells_is_refused_with_the_reasons() -> None:
     passes = [passing(30 * k, seed=k) for k in range(2)]
-    with pytest.raises(DataError, match="nothing is known in D3: edge"):
+    with pytest.raises(DataError, match="the level in D3 is not known: edge"):
         development(passes, D3, SPACING * COUNT - 100.0)
     with pytest.raises(DataError, match="there is no pass"):
         development([], D1, 1000.0)

@@ -81,25 +81,27 @@ def test_every_preset_says_where_each_number_comes_from(name: str) -> None:
 
 def test_speed_bands_that_overlap_leave_a_hole_or_begin_late_are_refused(tmp_path: Path) -> None:
     assert "0 to 80 km/h and 70 to 120 km/h overlap" in refused(tmp_path, toml((0, 80), (70, 120)))
-    assert "no speed band covers 80 to 90 km/h" in refused(tmp_path, toml((0, 80), (90, 120)))
-    assert "no speed band covers 0 to 40 km/h" in refused(tmp_path, toml((40, 80)))
+    assert "no speed range covers 80 to 90 km/h" in refused(tmp_path, toml((0, 80), (90, 120)))
+    assert "no speed range covers 0 to 40 km/h" in refused(tmp_path, toml((40, 80)))
     assert "expected above < up_to" in refused(tmp_path, toml((0, 80), (80, 80)))
 
 
 def test_limits_that_do_not_rise_or_cannot_be_read_are_refused(tmp_path: Path) -> None:
-    assert "rise with severity, got 30, 26 mm" in refused(tmp_path, toml((0, 80), alert=30))
+    assert "increase with severity, got 30, 26 mm" in refused(tmp_path, toml((0, 80), alert=30))
     text = toml((0, 80))
     assert "key 'verified' is missing" in refused(tmp_path, text.replace("verified = true", ""))
     assert "unknown key 'alarm'" in refused(tmp_path, text.replace("alert", "alarm"))
     assert "is not a length" in refused(tmp_path, text.replace("10.0 mm", "ten"))
     assert "'km'" in refused(tmp_path, text.replace("80 km/h", "80 km"))
-    assert "it holds no limits" in refused(tmp_path, 'name = "ours"')
+    assert "it has no limits" in refused(tmp_path, 'name = "ours"')
     with pytest.raises(FileError, match="one of the presets en-13848, national-example"):
         read_limits("en-13849")
 
 
 def test_a_speed_beyond_all_bands_is_refused() -> None:
-    with pytest.raises(DataError, match=r"none at 320 km/h, only above 0 and up to 300 km/h"):
+    with pytest.raises(
+        DataError, match=r"expected a speed above 0 and up to 300 km/h, got 320 km/h"
+    ):
         read_limits("en-13848").defects_at("D1", 320 * KM_H)
 
 

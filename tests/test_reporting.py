@@ -272,7 +272,7 @@ def test_report_and_changes_commands(profile, tmp_path: Path, run: Run) -> None:
     ("arguments", "message"),
     [
         (["assess", "P", "--speed", "fast"], "is not a speed"),
-        (["assess", "P", "--speed", "400 km/h"], "there are none at 400 km/h"),
+        (["assess", "P", "--speed", "400 km/h"], "up to 300 km/h, got 400 km/h"),
         (["assess", "P", "--speed", "100 km/h", "-o", "x.xlsx"], "tables are written to files that end in"),
         (["assess", "P", "--speed", "100 km/h", "-o", "x.geojson"], "needs latitude and longitude"),
         (["assess", "P", "--speed", "100 km/h", "--limits", "none"], "none"),

@@ -196,16 +196,19 @@ def test_defects_are_complete_and_the_most_severe_come_first(
     answer = ask(client, "defects", **LAST)
     stored = stored_defects(dated_store, DAYS[-1])
     stored.sort(
-        key=lambda one: (-SEVERITY[one["likely"]], -abs(one["height_mm"]) / one["limit_alert_mm"])
+        key=lambda one: (
+            -SEVERITY[one["required_action"]],
+            -abs(one["height_mm"]) / one["limit_alert_mm"],
+        )
     )
     assert [one["peak_m"] for one in answer["defects"]] == [one["peak_m"] for one in stored]
     assert answer["total"] == len(stored) >= 5
     for one, other in zip(answer["defects"], stored, strict=True):
-        assert one["required_action"] == other["likely"]
+        assert one["required_action"] == other["required_action"]
         assert one["height_mm"] == other["height_mm"]
         assert one["probabilities"]["alert"] == other["probability_alert"]
         assert one["limits_mm"]["intervention"] == other["limit_intervention_mm"]
-    counted = Counter(one["likely"] or "possible" for one in stored)
+    counted = Counter(one["required_action"] or "possible" for one in stored)
     assert answer["counts"] == counted
     assert answer["requirements"][0]["action"] == "immediate action"
     assert any("not verified" in note for note in answer["notes"])
@@ -234,7 +237,11 @@ def test_defects_are_filtered_by_stretch_band_and_action(
         one["peak_m"] for one in stored if one["end_m"] >= start and one["start_m"] <= end
     )
     severe = ask(client, "defects", **LAST, minimum_action="intervention")
-    assert severe["total"] == sum(SEVERITY[one["likely"]] >= 2 for one in stored) < len(stored)
+    assert (
+        severe["total"]
+        == sum(SEVERITY[one["required_action"]] >= 2 for one in stored)
+        < len(stored)
+    )
     assert ask(client, "defects", **LAST, band="D2")["total"] == 0
 
 
@@ -243,7 +250,7 @@ def test_schematic_counts_every_defect_once(client: httpx.Client, dated_store: S
     stored = stored_defects(dated_store, DAYS[-1])
     size = (answer["end_m"] - answer["start_m"]) / 50
     expected = Counter(
-        (int((one["peak_m"] - answer["start_m"]) / size), one["likely"]) for one in stored
+        (int((one["peak_m"] - answer["start_m"]) / size), one["required_action"]) for one in stored
     )
     assert {
         (round((one["start_m"] - answer["start_m"]) / size), one["required_action"]): one["defects"]
@@ -399,7 +406,7 @@ def test_passes_that_cannot_be_aligned_are_shown_with_a_note(tmp_path) -> None:
         answer = ask(
             client, "compare", line="unlike", direction="up", day=str(day), compared_day=str(FIRST), band="D1"
         )  # fmt: skip
-    assert any("look like the first profile" in note for note in answer["notes"])
+    assert any("correlate with the first profile" in note for note in answer["notes"])
     assert answer["locations"] == []
     assert any(one is not None for one in answer["first"]["low_mm"])
 
@@ -533,7 +540,7 @@ def test_a_location_that_no_pass_determines_is_refused(client: httpx.Client) -> 
     parameters = {"line": BRANCH, "direction": DOWN, "band": "D3", "at": "5"}
     answer = client.get("/api/development", params=parameters)
     assert answer.status_code == 422
-    assert "nothing is known in D3: edge" in answer.json()["error"]
+    assert "the level in D3 is not known: edge" in answer.json()["error"]
 
 
 def test_a_damaged_store_is_reported_without_its_path(tmp_path, capfd) -> None:

@@ -19,7 +19,7 @@ from trackprofile.assessment.alignment import MAX_LAG, Alignment, align, resampl
 from trackprofile.assessment.levels import NotAssessedReason, band_levels
 from trackprofile.assessment.limits import Action
 from trackprofile.assessment.trend import DatedProfile, LimitCrossing, limit_crossings
-from trackprofile.assessment.trend_fit import PassStack, Rate, rate_at, stack_levels
+from trackprofile.assessment.trend_fit import LevelStack, Rate, rate_at, stack_levels
 from trackprofile.bands import Band, edge_distance
 from trackprofile.errors import DataError
 
@@ -185,7 +185,7 @@ def _obstacle(profile: xr.Dataset, band: Band, at: float) -> str:
     return NotAssessedReason(int(level.reasons[point])).text
 
 
-def _stack(passes: Sequence[_UsablePass], band: Band) -> PassStack:
+def _stack(passes: Sequence[_UsablePass], band: Band) -> LevelStack:
     profiles = resample_to_common_grid([one.profile for one in passes])
     levels = [band_levels(profile, [band])[0][band.name] for profile in profiles]
     return stack_levels(band, levels, [one.alignment for one in passes if one.alignment])

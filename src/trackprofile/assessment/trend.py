@@ -27,7 +27,7 @@ from trackprofile.assessment.limits import (
 )
 from trackprofile.assessment.trend_fit import (
     BandChange,
-    PassStack,
+    LevelStack,
     Rate,
     fit_trend,
     rate_at,
@@ -244,7 +244,7 @@ def _scatter_notes(changes: Mapping[str, BandChange]) -> list[str]:
 
 
 def _changed_locations(
-    stack: PassStack,
+    stack: LevelStack,
     change: BandChange,
     days: Array,
     first: date,
@@ -324,7 +324,7 @@ def limit_crossings(
 
 
 def _repeatabilities(
-    stack: PassStack, passes: Sequence[DatedProfile], limits: Limits | None
+    stack: LevelStack, passes: Sequence[DatedProfile], limits: Limits | None
 ) -> list[Repeatability]:
     required = limits.accuracy(stack.band.name) if limits else None
     repeatabilities = []

@@ -59,7 +59,7 @@ class BandChange:
 
 
 @dataclass(frozen=True)
-class PassStack:
+class LevelStack:
     """Levels of all passes in one band on the grid of the first pass.
 
     Parameters
@@ -84,7 +84,7 @@ class PassStack:
 
 def stack_levels(
     band: Band, levels: Sequence[BandLevel], alignments: Sequence[Alignment]
-) -> PassStack:
+) -> LevelStack:
     """Combine the levels of passes, and their standard deviations.
 
     A lag of standard deviation σ adds σ times the slope of the level. Since most of the track does not change, the
@@ -109,8 +109,8 @@ def stack_levels(
         scatter = 1.0
     slope = np.abs(np.nan_to_num(np.gradient(level[0], levels[0].spacing)))
     lag_error = np.stack([np.zeros(grid.size), *(slope * one.at(grid)[1] for one in alignments)])
-    return PassStack(
-        band, grid, level, np.hypot(scatter * deviation, lag_error), usable, levels[0].colour.wavenumber,
+    return LevelStack(
+        band, grid, level, np.hypot(scatter * deviation, lag_error), usable, levels[0].error_spectrum.wavenumber,
         scatter if stated else None,
     )  # fmt: skip
 
@@ -123,7 +123,7 @@ def _scatter(level: Array, deviation: Array) -> float:
     return max(float(STANDARD_DEVIATION_PER_MAD * np.median(np.abs(normalised))), _MIN_SCATTER)
 
 
-def _fit_lines(passes: PassStack, days: Array) -> tuple[Array, Array]:
+def _fit_lines(passes: LevelStack, days: Array) -> tuple[Array, Array]:
     """Level at the last pass and rate per day, (2, n), and the weight of each pass in them, (2, passes)."""
     weight = 1 / np.median(passes.deviation, axis=1) ** 2
     design = np.stack([np.ones(days.size), days - days[-1]], axis=1)
@@ -132,7 +132,7 @@ def _fit_lines(passes: PassStack, days: Array) -> tuple[Array, Array]:
     return np.asarray(gains @ passes.level, np.float64), np.asarray(gains, np.float64)
 
 
-def fit_trend(passes: PassStack, days: Array) -> BandChange:
+def fit_trend(passes: LevelStack, days: Array) -> BandChange:
     """Fit the change between the first and the last pass.
 
     Parameters
@@ -195,7 +195,7 @@ class Rate:
         return self.level + self.per_day * days, np.sqrt(np.maximum(variance, 0.0))
 
 
-def rate_at(passes: PassStack, days: Array, point: int) -> Rate | None:
+def rate_at(passes: LevelStack, days: Array, point: int) -> Rate | None:
     """Level and rate at one point of the grid; None if all passes have one date."""
     if days[-1] == days[0]:
         return None
