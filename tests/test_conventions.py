@@ -37,7 +37,7 @@ MOST_ROOT_MODULES, MOST_INFERENCE_MODULES = 12, 20
 
 LONG_MODULES: set[str] = set()
 LONG_FUNCTIONS: set[str] = set()
-MANY_POSITIONAL_PARAMETERS = {}
+MANY_POSITIONAL_PARAMETERS: set[str] = set()
 MIRRORED_MODULES = {
     "assess", "calibrate", "compare", "fuse", "infer", "report", "serve", "simulate", "store", "trend",
 }  # fmt: skip
