@@ -106,7 +106,7 @@ def test_page_and_markdown_say_the_same_and_how_to_make_them_anew() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["-o", "plan.pdf"], "plan.pdf: a plan goes to a file that ends in .html, .md"),
+        (["-o", "plan.pdf"], "plan.pdf: expected a file name that ends in .html or .md"),
         (["--recording-length", "0.5 km"], "a recording of at least 1000 m"),
         (["--utilisation", "2"], "Utilisation: expected above 0 and up to 1, got 2"),
         (["--sampling-rate", "often"], "'often' is not a frequency"),

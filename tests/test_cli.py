@@ -350,7 +350,7 @@ SPOILED: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     "a vehicle that is not there": (
         lambda folder: (folder / "vehicle.toml").unlink(),
-        ("vehicle.toml", "no such file"),
+        ("vehicle.toml", "does not exist"),
     ),
     "a vehicle without the sensor's body": (
         lambda folder: replace(folder / "recording.toml", '"leading bogie"', '"tender"'),
@@ -393,8 +393,8 @@ def test_bad_input_gets_one_sentence_and_leaves_no_file(run: Run, folder: Path, 
     [
         ("p.docx", ".nc"),
         ("p.toml", ".nc"),
-        ("nowhere/p.nc", "no folder"),
-        ("recording.csv", "is no profile"),
+        ("nowhere/p.nc", "nowhere does not exist"),
+        ("recording.csv", "is not a profile"),
         ("vehicle.toml", ".nc"),
     ],
 )

@@ -299,7 +299,12 @@ def test_numbers_are_in_the_unit_of_their_table(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "kind", "message"),
     [
-        ("flicker =", "fliker =", FileError, "unknown key 'fliker'.*keys there are.*flicker"),
+        (
+            "flicker =",
+            "fliker =",
+            FileError,
+            "unknown key 'fliker'.*keys of this table are.*flicker",
+        ),
         ("flicker = 0.2", "flicker = -1", FileError, "flicker"),
         ("range = 2000", "range = 0", FileError, "range"),
         ("gain = 0.99", "gain = 0", ModelError, "'floor' needs a finite gain"),

@@ -3,24 +3,20 @@
 A vehicle is a list of parts. A value is a number in SI units, or the name of a parameter that has a unit:
 
     name = "half a car"
-
     [parameter."body mass"]
     value = 20
     unit = "t"
     source = "weighed"
-
     [[body]]
     name = "body"
     mass = "body mass"
     pitch_inertia = 4e5                     # optional: without it the body has no pitch
     position = 1.25                         # m behind the leading wheel
     roll_inertia = 3e4                      # optional: needed for a profile per rail
-
     [[wheel]]
     name = "wheel 1"
     mass = 900
     position = 0
-
     [[link]]
     name = "suspension 1"
     upper = "body"
