@@ -16,7 +16,7 @@ set-up: $(READY) ## install the package, its extras and the tools into .venv, in
 demo: $(READY) ## run the main job on a simulated recording; results in the folder demo
 	$(BIN)/trackprofile demo -o demo
 
-test: lint types unit-test ## check style and types, run all tests except the acceptance tests
+test: lint types test-js unit-test ## check style and types, run all tests except the acceptance tests
 
 lint: $(READY) ## check style and format
 	$(BIN)/ruff check .
