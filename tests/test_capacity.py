@@ -97,7 +97,7 @@ def test_page_and_markdown_say_the_same_and_how_to_make_them_anew() -> None:
         for row in zip(*table.values(), strict=True):
             assert f"| {' | '.join(row)} |" in text, name
             assert all(cell.replace("'", "&#x27;") in page for cell in row), name
-    assert "Made anew by `trackprofile plan -o '<b>.md'`." in text
+    assert "Repeat with `trackprofile plan -o '<b>.md'`." in text
     assert "&lt;b&gt;.md" in page
     assert "<b>" not in page
     assert "http" not in page

@@ -25,8 +25,8 @@ from trackprofile.fleet.job import (
     JobResult,
     Row,
     State,
-    means_of,
     process_recording,
+    processing_settings,
     recording_of,
 )
 from trackprofile.fleet.manifest import read_manifest
@@ -225,7 +225,7 @@ def test_what_cannot_be_used_is_an_outcome_with_its_reason(folder: Path) -> None
     assert outcome.reason == "damaged or cut short; copy it again."
     assert outcome.entry is None
     outcome = process_recording(Job(outcome.row, store.url, software="0.0.1"))
-    assert "this night is of 0.0.1" in outcome.reason
+    assert "this batch needs 0.0.1" in outcome.reason
     outcome = process_recording(Job(outcome.row, str(folder / "nowhere")))
     assert "there is no store" in outcome.reason
 
@@ -358,7 +358,7 @@ def test_what_a_version_depends_on_is_told_by_numbers_not_by_addresses(folder: P
         for name in names:
             path = manifest(folder, f'file = "one.nc"\n{key.format(name)}', head=head)
             only = read_manifest(path)[0]
-            means = means_of(only, recording_of(only))
+            means = processing_settings(only, recording_of(only))
             assert " at 0x" not in repr(means)
             digests.append(means.digest())
     # The four that HEAD and the usual limits name are one and the same.

@@ -131,7 +131,7 @@ def test_interrupted_run_goes_on_to_the_same_bits(
     with pytest.raises(FileError, match="no space left"):
         inferred(recording, Full(tmp_path / ".p.nc.blocks", key))
     kept, said = checkpoint_store(tmp_path / "p.nc", key, resume=True)
-    assert said == ("going on after 1 blocks that are there already",)
+    assert said == ("resuming after 1 block of the interrupted run",)
     assert list(kept) == [0]
     xr.testing.assert_identical(inferred(recording, kept), whole)
     assert len(kept) == 3
@@ -147,12 +147,10 @@ def test_what_is_kept_of_another_run_is_refused_or_thrown_away(
     kept = CheckpointStore(tmp_path / ".p.nc.blocks", checkpoint_key(recording, draws=16))
     inferred(recording, kept)
     other = checkpoint_key(recording, draws=17)
-    with pytest.raises(
-        DataError, match="another recording, with other options or by another version"
-    ):
+    with pytest.raises(DataError, match="of another recording, other options or another version"):
         checkpoint_store(tmp_path / "p.nc", other, resume=True)
     _, said = checkpoint_store(tmp_path / "p.nc", other, resume=False)
-    assert "3 blocks of an interrupted run were thrown away" in said[0]
+    assert "3 blocks of an interrupted run discarded" in said[0]
     assert not kept.folder.exists()
     _, said = checkpoint_store(tmp_path / "p.nc", other, resume=True)
     assert "starting from the beginning" in said[0]
@@ -167,7 +165,7 @@ def test_damaged_block_is_refused(ride: tuple[xr.Dataset, xr.Dataset], tmp_path:
     contents = bytearray(path.read_bytes())
     contents[len(contents) // 2] ^= 0xFF
     path.write_bytes(contents)
-    with pytest.raises(FileError, match="damaged; remove it, and it will be computed again"):
+    with pytest.raises(FileError, match="the block is damaged; remove the file"):
         inferred(recording, kept)
 
 

@@ -75,7 +75,7 @@ def check(schema, operation: str, examples: int, mode) -> None:
     )
     @settings(
         max_examples=examples, derandomize=True, deadline=None, database=None,
-        suppress_health_check=[*HealthCheck.__members__.values()],
+        suppress_health_check=list(HealthCheck),  # type: ignore[call-overload]
     )  # fmt: skip
     def ask(case, real) -> None:
         if mode.is_positive and case.query:

@@ -69,5 +69,5 @@ def test_error_through_the_real_track_is_what_was_asked() -> None:
 
 def test_only_a_layered_track_is_corrected_for() -> None:
     recording, _ = recorded(1000.0, 2, PRIOR, SENSORS)
-    with pytest.raises(ModelError, match="Only a layered track"):
+    with pytest.raises(ModelError, match="needs a layered track"):
         infer(recording, VELARO, prior=PRIOR, samples=2, full_track_correction=True)

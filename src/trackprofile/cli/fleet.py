@@ -182,7 +182,7 @@ def _print(batch: BatchResult, written: list[Path], *, as_json: bool) -> None:
 
 def _progress(bars: Callable[[str, float], None] | None) -> ProgressCallback:
     """Report the progress: a bar in a terminal, else a message every `PROGRESS_INTERVAL`."""
-    from trackprofile.fleet.batch_tables import standing
+    from trackprofile.fleet.batch_tables import describe_progress
 
     last = time.monotonic()
 
@@ -192,6 +192,6 @@ def _progress(bars: Callable[[str, float], None] | None) -> ProgressCallback:
             bars("recordings", progress.ended / progress.total)
         elif time.monotonic() - last >= PROGRESS_INTERVAL:
             last = time.monotonic()
-            show.note([standing(progress)])
+            show.note([describe_progress(progress)])
 
     return report

@@ -1,1 +1,1 @@
-"""Thousands of recordings a night: each read, inferred, assessed and stored, on as many machines as there are."""
+"""Batch processing of recordings: each is read, inferred, assessed and stored, by local or Dask workers."""

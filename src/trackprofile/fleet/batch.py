@@ -1,4 +1,4 @@
-"""A night: all recordings of a manifest brought into a store, whatever fails or dies on the way."""
+"""A batch: all recordings of a manifest processed into a store, even if workers fail or die."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BatchProgress:
-    """How far a night is.
+    """Progress of a batch.
 
     Parameters
     ----------
-    ended, failed, total : recordings
-    workers : that are there now
-    remaining : [s], None before the first recording was computed, or without workers
+    ended, failed, total : number of recordings
+    workers : number of connected workers
+    remaining : estimated time to the end [s]; None before the first recording is computed, or without workers
     """
 
     ended: int
@@ -41,14 +41,14 @@ ProgressCallback = Callable[[BatchProgress], None]
 
 @dataclass(frozen=True)
 class BatchResult:
-    """What came of a manifest.
+    """Result of a batch.
 
     Parameters
     ----------
-    outcomes : in the manifest's order
-    store : where it is
-    wall : from the first job given out to the last result [s]
-    workers : the most that were there at once
+    outcomes : one per recording, in the order of the manifest
+    store : URL of the store
+    wall : time from the first submitted job to the last result [s]
+    workers : maximum number of simultaneous workers
     """
 
     outcomes: tuple[JobResult, ...]
@@ -57,18 +57,18 @@ class BatchResult:
     workers: int
 
     def of(self, state: State) -> tuple[JobResult, ...]:
-        """The recordings that ended so."""
+        """The recordings that ended in this state."""
         return tuple(one for one in self.outcomes if one.state is state)
 
     @property
     def length(self) -> float:
-        """Of what this night stored [m]."""
+        """Length of the profiles that this batch stored [m]."""
         entries = (one.entry for one in self.of(State.STORED))
         return sum(one.end - one.start for one in entries if one is not None)
 
     @property
     def cpu(self) -> float:
-        """That the workers took for it [s]."""
+        """Processor time of the workers [s]."""
         return sum(one.cpu for one in self.outcomes)
 
 
@@ -77,39 +77,39 @@ def run_batch(
     store: Store,
     client: Client,
     retries: int,
-    told: ProgressCallback = lambda now: None,
+    report: ProgressCallback = lambda now: None,
 ) -> BatchResult:
-    """Bring all recordings into a store: each is there once, or is an outcome with its reason.
+    """Process all recordings into a store: each is stored once, or fails with a reason.
 
     Parameters
     ----------
-    client : of Dask, see `trackprofile.fleet.cluster`
-    retries : of a job that failed for a reason that this package does not know
-    told : how far it is, at every recording's end and every few seconds
+    client : Dask client, see `trackprofile.fleet.cluster`
+    retries : number of retries of a job that raised an unexpected exception
+    report : called with the progress after every recording and every few seconds
 
     Raises
     ------
-    FileError : the scheduler is lost, or has not this package.
+    FileError : the scheduler is lost, or cannot import this package.
     """
     jobs, sharing = _jobs(rows, store)
     before = _entries(rows, store)
-    watch = _Watch(len(rows), told)
-    found: dict[int, JobResult] = {}
+    watch = _Watch(len(rows), report)
+    results: dict[int, JobResult] = {}
     for name, result in done(client, process_recording, jobs, retries, watch.counted):
         for row in sharing[name]:
             outcome = _outcome(row, result, retries)
             if outcome.entry is not None:
-                # A job that ran twice, because its worker died after storing, says that it was there already.
+                # A job that ran twice, because its worker died after storing, reports that the entry exists already.
                 new = outcome.entry.id not in before
                 outcome = replace(outcome, state=State.STORED if new else State.THERE)
-            found[row.number] = outcome
+            results[row.number] = outcome
             watch.ended(outcome)
-    outcomes = tuple(found[row.number] for row in rows)
+    outcomes = tuple(results[row.number] for row in rows)
     return BatchResult(outcomes, store.url, watch.since(), watch.most)
 
 
 def _jobs(rows: Sequence[Row], store: Store) -> tuple[dict[str, Job], Mapping[str, list[Row]]]:
-    """The jobs by name, and the rows that each is for: rows that say the same are one job."""
+    """The jobs by name, and the rows of each: equal rows share one job."""
     jobs: dict[str, Job] = {}
     sharing: dict[str, list[Row]] = defaultdict(list)
     for row in rows:
@@ -128,7 +128,7 @@ def _job_name(job: Job) -> str:
 
 
 def _entries(rows: Sequence[Row], store: Store) -> set[str]:
-    """What the store had of these days."""
+    """Entries of these days that the store has already."""
     from trackprofile.store.catalogue import entries_of_day
 
     days = {replace(row.place, run="") for row in rows}
@@ -143,23 +143,23 @@ def _outcome(row: Row, result: JobResult | Exception, retries: int) -> JobResult
     if isinstance(result, KilledWorker):
         reason = f"its worker died {result.allowed_failures + 1} times: killed, or out of memory"
     else:
-        said = " ".join(str(result).split())
-        reason = f"{type(result).__name__} {retries + 1} times: {said}"
+        message = " ".join(str(result).split())
+        reason = f"{type(result).__name__} {retries + 1} times: {message}"
     return JobResult(row, State.FAILED, reason)
 
 
 class _Watch:
-    """Counts what ended, and tells."""
+    """Counts ended jobs and reports the progress."""
 
-    def __init__(self, total: int, told: ProgressCallback) -> None:
-        self._total, self._told = total, told
+    def __init__(self, total: int, report: ProgressCallback) -> None:
+        self._total, self._report_to = total, report
         self._start, self._ended, self._failed = time.monotonic(), 0, 0
         self._computed, self._seconds = 0, 0.0
         self._workers, self.most = 0, 0
 
     def counted(self, workers: int) -> None:
         self._workers, self.most = workers, max(workers, self.most)
-        self._tell()
+        self._report()
 
     def ended(self, outcome: JobResult) -> None:
         self._ended += 1
@@ -167,15 +167,17 @@ class _Watch:
         if outcome.state is State.STORED:
             self._computed += 1
             self._seconds += outcome.wall
-        self._tell()
+        self._report()
 
     def since(self) -> float:
-        """s since the start."""
+        """Time since the start [s]."""
         return time.monotonic() - self._start
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         remaining = None
         if self._computed and self._workers:
-            left = self._total - self._ended
-            remaining = left * self._seconds / self._computed / self._workers
-        self._told(BatchProgress(self._ended, self._failed, self._total, self._workers, remaining))
+            waiting = self._total - self._ended
+            remaining = waiting * self._seconds / self._computed / self._workers
+        self._report_to(
+            BatchProgress(self._ended, self._failed, self._total, self._workers, remaining)
+        )

@@ -1,4 +1,4 @@
-"""A night as one page that needs no network: what came of it, what failed and why, every recording."""
+"""HTML report of a batch, in one file: summary, failed recordings with reasons, all recordings."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from trackprofile.fleet.batch_tables import recordings, sentences
 from trackprofile.fleet.job import JobResult, State
 from trackprofile.reporting.html import MAX_ROWS, html_document, html_table
 
-ELSEWHERE = "the tables that -o night.csv and --json give"
+ELSEWHERE = "the tables that -o batch.csv and --json write"
 
 
-def html(night: BatchResult, manifest: str) -> str:
-    """The page of a night; ``manifest`` is its name."""
+def html(batch: BatchResult, manifest: str) -> str:
+    """HTML report of a batch; ``manifest`` is the name of its manifest."""
     title = f"Recordings of {manifest}"
-    said = "".join(f"<li>{escape(one)}</li>" for one in sentences(night))
-    shown = {name: column for name, column in recordings(night).items() if name != "reason"}
+    summary = "".join(f"<li>{escape(one)}</li>" for one in sentences(batch))
+    shown = {name: column for name, column in recordings(batch).items() if name != "reason"}
     parts = [
-        f'<h1>{escape(title)}</h1><p class="where">Store {escape(night.store)}; trackprofile {__version__}</p>',
-        f'<ul class="first">{said}</ul>',
-        _failed(night.of(State.FAILED)),
+        f'<h1>{escape(title)}</h1><p class="where">Store {escape(batch.store)}; trackprofile {__version__}</p>',
+        f'<ul class="first">{summary}</ul>',
+        _failed(batch.of(State.FAILED)),
         f"<h2>All recordings</h2>{html_table(shown, 'recordings', ELSEWHERE)}",
     ]
     return html_document(title, "\n".join(parts))

@@ -1,4 +1,4 @@
-"""A night's recordings as a table, and in sentences."""
+"""The recordings of a batch as a table, and its summary in sentences."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ BATCH_TABLES = ("recordings",)
 _KM = 1e3
 
 
-def recordings(night: BatchResult) -> Table:
-    """A row per recording: what failed first, with its reason, else in the manifest's order."""
-    ordered = sorted(night.outcomes, key=lambda one: one.state is not State.FAILED)
+def recordings(batch: BatchResult) -> Table:
+    """One row per recording: failed recordings with their reasons first, then in the order of the manifest."""
+    ordered = sorted(batch.outcomes, key=lambda one: one.state is not State.FAILED)
     rows = [_row(one) for one in ordered]
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
 def _row(outcome: JobResult) -> dict[str, Any]:
     row, entry = outcome.row, outcome.entry
-    said: dict[str, Any] = {
+    columns: dict[str, Any] = {
         "number": row.number,
         "file": row.file.name,
         "line": row.line,
@@ -38,35 +38,35 @@ def _row(outcome: JobResult) -> dict[str, Any]:
         "known_share": None if entry is None else entry.known_share,
     }
     for action in reversed(Action):
-        said[action.name.lower()] = None if entry is None else entry.defects.get(action.text, 0)
-    return said | {"wall_s": outcome.wall, "cpu_s": outcome.cpu}
+        columns[action.name.lower()] = None if entry is None else entry.defects.get(action.text, 0)
+    return columns | {"wall_s": outcome.wall, "cpu_s": outcome.cpu}
 
 
-def sentences(night: BatchResult) -> list[str]:
-    """What came of the night, what matters most first."""
-    stored, there, failed = (len(night.of(state)) for state in State)
-    said = [f"{_counted(stored)} stored, {there} there already, {failed} failed."]
-    entries = [one.entry for one in night.of(State.STORED) if one.entry is not None]
+def sentences(batch: BatchResult) -> list[str]:
+    """Summary of a batch, the most important sentence first."""
+    stored, there, failed = (len(batch.of(state)) for state in State)
+    text = [f"{_counted(stored)} stored, {there} there already, {failed} failed."]
+    entries = [one.entry for one in batch.of(State.STORED) if one.entry is not None]
     for action in reversed(Action):
         places = sum(entry.defects.get(action.text, 0) for entry in entries)
         if places:
-            said.append(f"{places} places in the new passes call for {action.text}.")
+            text.append(f"{places} places in the new passes call for {action.text}.")
     if entries:
-        said.append(
-            f"{night.length / _KM:.4g} km of profiles in {duration(night.wall)} on {night.workers} workers: "
-            f"{1e3 * night.cpu / night.length:.3g} ms of computing per metre."
+        text.append(
+            f"{batch.length / _KM:.4g} km of profiles in {duration(batch.wall)} on {batch.workers} workers: "
+            f"{1e3 * batch.cpu / batch.length:.3g} ms of computing per metre."
         )
-    return said
+    return text
 
 
-def standing(now: BatchProgress) -> str:
-    """How far a night is.
+def describe_progress(now: BatchProgress) -> str:
+    """Progress of a batch in one sentence.
 
     Examples
     --------
-    >>> standing(Standing(ended=37, failed=2, total=100, workers=2, remaining=840.0))
+    >>> describe_progress(BatchProgress(ended=37, failed=2, total=100, workers=2, remaining=840.0))
     '37 of 100 recordings, 2 failed; 2 workers, 14 min to go.'
-    >>> standing(Standing(0, 0, 100, 0, None))
+    >>> describe_progress(BatchProgress(0, 0, 100, 0, None))
     '0 of 100 recordings; waiting for workers.'
     """
     failed = f", {now.failed} failed" if now.failed else ""
@@ -76,7 +76,7 @@ def standing(now: BatchProgress) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time in words.
+    """A duration as text.
 
     Examples
     --------

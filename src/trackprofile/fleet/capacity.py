@@ -1,4 +1,4 @@
-"""What a country's lines need in cores, memory, storage and transfer, from what one recording costs."""
+"""Cores, memory, storage and data transfer that a network needs, from the cost of one recording."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ YEAR = 365.0
 
 @dataclass(frozen=True)
 class Network:
-    """What is assumed; none of it is measured here.
+    """Assumptions about a network; none of them is measured here.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class Network:
 
 @dataclass(frozen=True)
 class Cost:
-    """What one metre of one pass costs, measured.
+    """Measured cost of one metre of one pass.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Cost:
 
 @dataclass(frozen=True)
 class Need:
-    """What the network needs.
+    """Requirements of the network.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class Need:
 
 
 def need(network: Network, cost: Cost) -> Need:
-    """What a network needs if every metre of every pass costs that.
+    """Requirements of a network at this cost per metre and pass.
 
     The cores are c l p / (h u): seconds per metre, metres of line, passes a day, seconds of a day in which there is
     work, and the share of them that is.

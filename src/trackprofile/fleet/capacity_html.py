@@ -1,4 +1,4 @@
-"""A plan in tables, as a page or as Markdown: what is assumed, what was measured, what is needed."""
+"""A capacity plan in tables, as HTML or Markdown: assumptions, measurements and requirements."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DATA = (("PB", 1e15), ("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3), ("B"
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan, and where its numbers come from.
+    """A capacity plan and the sources of its numbers.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Plan:
 
 
 def tables(plan: Plan) -> dict[str, Table]:
-    """What is assumed, measured and needed: a quantity, its value, and where it comes from."""
+    """Assumptions, measurements and requirements: each quantity with its value and source."""
     network, sample, cost, need = plan.network, plan.sample, plan.cost, plan.need
     hours = f"in {network.hours:g} h a day"
     stored = f"passes of {plan.stored_in}" if plan.stored_in else "that recording's"
@@ -86,20 +86,20 @@ def tables(plan: Plan) -> dict[str, Table]:
 
 
 def title(plan: Plan) -> str:
-    """What it is a plan of."""
+    """Title of the plan."""
     network = plan.network
     return f"{network.length / 1e3:,g} km of line, {network.passes:g} passes a day"
 
 
 def html(plan: Plan) -> str:
-    """The plan as a page that needs no network."""
+    """The plan as one HTML file."""
     made = tables(plan)
     parts = [f"<h1>{escape(title(plan))}</h1>", f'<p class="where">{escape(_whence(plan))}</p>']
     parts += [
         f"<h2>{escape(name.capitalize())}</h2>{html_table(made[name], name)}"
         for name in ("needed", "measured", "assumed")
     ]
-    parts.append(f"<p>Made anew by <code>{escape(plan.command)}</code>.</p>")
+    parts.append(f"<p>Repeat with <code>{escape(plan.command)}</code>.</p>")
     return html_document(title(plan), "\n".join(parts))
 
 
@@ -108,7 +108,7 @@ def markdown(plan: Plan) -> str:
     made = tables(plan)
     parts = [f"# {title(plan)}", _whence(plan)]
     parts += [_markdown(made[name]) for name in ("needed", "measured", "assumed")]
-    return "\n\n".join([*parts, f"Made anew by `{plan.command}`."]) + "\n"
+    return "\n\n".join([*parts, f"Repeat with `{plan.command}`."]) + "\n"
 
 
 def data(size: float) -> str:
@@ -124,7 +124,7 @@ def data(size: float) -> str:
 
 
 def number(value: float) -> str:
-    """To three digits, without powers of ten.
+    """A number with three digits, without powers of ten.
 
     Examples
     --------

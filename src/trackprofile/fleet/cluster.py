@@ -1,4 +1,4 @@
-"""Who does the work: processes of this machine, or a Dask scheduler and its workers, wherever they are."""
+"""Workers of a batch: processes on this machine, or a Dask scheduler with its workers."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from distributed import Client
 
 ANSWER = 10.0
-"""s in which a scheduler has to answer, when it is called and when the line to it broke."""
+"""Time in which a scheduler must answer, at the first connection and after a lost one, s."""
 
 
 @contextmanager
 def local(workers: int | None, memory: str, retries: int) -> Iterator[Client]:
-    """Processes of this machine, for as long as the context lasts; they end with this process, however it ends.
+    """Worker processes on this machine within the context; they end with this process.
 
     Parameters
     ----------
-    workers : None is one per core
-    memory : that a worker may take before it is ended: such as "2 GB", or "auto", its share of the machine's
-    retries : how often a job is given to another worker after its worker died
+    workers : number of processes; None is one per core
+    memory : limit of each worker, such as "2 GB", or "auto", its share of the machine's memory
+    retries : number of retries of a job after its worker died
 
     Raises
     ------
@@ -53,7 +53,7 @@ def local(workers: int | None, memory: str, retries: int) -> Iterator[Client]:
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
     }
     with _quiet(), config.set(settings):
-        with _deaf_to_ctrl_c():
+        with _ignoring_ctrl_c():
             cluster = LocalCluster(
                 n_workers=workers or _cores(), threads_per_worker=1, processes=True, memory_limit=size,
                 host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL,
@@ -64,7 +64,7 @@ def local(workers: int | None, memory: str, retries: int) -> Iterator[Client]:
 
 @contextmanager
 def existing(scheduler: str) -> Iterator[Client]:
-    """The workers of a scheduler that runs already.
+    """The workers of a running scheduler.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def existing(scheduler: str) -> Iterator[Client]:
 
 
 def _check(scheduler: str) -> None:
-    """Refuse what can be no scheduler's address."""
+    """Refuse an invalid address of a scheduler."""
     from distributed.comm.registry import backends
 
     if _is_file(scheduler):
@@ -120,14 +120,14 @@ def _need_dask() -> None:
 
 
 def _cores() -> int:
-    """That this process may use."""
+    """Number of processor cores available to this process."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask's logs say of their own accord what the rows say of each recording."""
+    """Silence Dask's logs: the results report the same per recording."""
     logs = [logging.getLogger(name) for name in _LOGS]
     levels = [log.level for log in logs]
     for log in logs:
@@ -143,8 +143,8 @@ _LOGS = ("distributed", "distributed.client")
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Threads and processes that begin here leave Ctrl-C to this one, which ends them in order."""
+def _ignoring_ctrl_c() -> Iterator[None]:
+    """Threads and processes that start in the context leave Ctrl-C to this process, which ends them in order."""
     # It unblocks the signal when it starts, so it has to run before.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -1,4 +1,4 @@
-"""Two recordings cannot be of one train at one place and time and yet differ: one of them is of something else."""
+"""Conflicts in a manifest: two different recordings of the same run over the same stretch."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from trackprofile.store.recording_conflicts import MAX_OVERLAP
 
 @dataclass(frozen=True)
 class _Claim:
-    """That a recording of this content is of this stretch [m]."""
+    """Content and stretch [m] of the recording of a row."""
 
     row: Row
     content: str
@@ -26,14 +26,14 @@ class _Claim:
 
 
 def check_conflicts(rows: Sequence[Row]) -> None:
-    """See that no two rows claim the same line, direction, day, run and stretch with different content.
+    """Check that no two rows give the same line, direction, day, run and stretch different content.
 
-    Only recordings of one place and time are read; one that cannot be read claims nothing, and fails when its turn
-    comes.
+    Only recordings of one line, direction, day and run are read. A recording that cannot be read is passed over here,
+    and fails when it is processed.
 
     Raises
     ------
-    DataError : two do.
+    DataError : two rows conflict.
     """
     by_place: dict[PassKey, list[Row]] = defaultdict(list)
     for row in rows:

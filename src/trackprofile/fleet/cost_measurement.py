@@ -1,4 +1,4 @@
-"""What one recording costs here: it is simulated, written as a train sends it, and brought into a store."""
+"""Cost of one recording on this machine: it is simulated, written as a train sends it, and processed into a store."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ LONGEST_STEP = 1e-3  # s
 RUN_IN = 200.0  # m
 LEVEL = "german-low"
 WARM_UP = 1000.0
-"""m of the recording that is brought first, so that all is compiled and loaded."""
+"""Length of the recording that is processed first, so that all code is compiled and loaded, m."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """The recording that is measured with.
+    """The recording that the cost is measured with.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Sample:
 
 
 def cost(sample: Sample) -> Cost:
-    """What each metre of a recording costs, in a process of its own on one thread.
+    """Cost of each metre of a recording, in a separate process with one thread.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def cost(sample: Sample) -> Cost:
         _write(sample, WARM_UP, Path(folder) / "first")
         table, as_csv = _write(sample, sample.length, Path(folder) / "run")
         arguments = f"of.Sample(**{vars(sample)!r}), {folder!r}"
-        found = in_one_thread(__name__, f"of.brought({arguments})")
+        found = in_one_thread(__name__, f"of.process_two({arguments})")
     return Cost(
         cpu=found["cpu"] / found["length"],
         memory=found["memory"],
@@ -82,8 +82,8 @@ def cost(sample: Sample) -> Cost:
     )
 
 
-def brought(sample: Sample, folder: str) -> dict[str, float]:
-    """What it took this process to bring the recording in a folder into a store, after a shorter one [s, B, m]."""
+def process_two(sample: Sample, folder: str) -> dict[str, float]:
+    """Cost of processing the recording in a folder into a store, after a shorter one [s, B, m]."""
     import distributed  # noqa: F401 - a worker has it in memory too
 
     store = create(f"{folder}/store")
@@ -107,12 +107,12 @@ def brought(sample: Sample, folder: str) -> dict[str, float]:
 
 
 def stored_bytes(entry: Entry) -> int:
-    """All that a pass takes in a store [B]."""
+    """Size of a pass in a store [B]."""
     return len(entry_document(entry)) + sum(one.size for one in entry.files.values())
 
 
 def stored_per_metre(store: Store) -> float:
-    """What a metre of a pass takes in a store, all its passes taken together [B/m].
+    """Average size of a metre of a pass in a store [B/m].
 
     Raises
     ------

@@ -63,7 +63,7 @@ class Row:
 
     @property
     def place(self) -> PassKey:
-        """Where in a store it belongs."""
+        """Key of the pass in a store."""
         from trackprofile.store import PassKey
 
         return PassKey(self.line, self.direction, self.day, self.run)
@@ -71,13 +71,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Job:
-    """One recording to be brought into a store.
+    """One recording to process into a store.
 
     Parameters
     ----------
     row : of the manifest
-    store : where it is
-    software : version that the worker must have, so that a night is of one
+    store : URL of the store
+    software : version that the worker must have, so that a batch is processed by one version
     """
 
     row: Row
@@ -95,14 +95,14 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class JobResult:
-    """How one recording fared.
+    """Result of one recording.
 
     Parameters
     ----------
     row : of the manifest
-    state, reason : and why, where it failed
-    entry : in the store; None where it failed
-    wall, cpu : that the worker took [s]
+    state, reason : how the job ended; the reason where it failed
+    entry : in the store; None where the job failed
+    wall, cpu : time of the worker [s]
     """
 
     row: Row
@@ -115,7 +115,7 @@ class JobResult:
 
 @dataclass(frozen=True)
 class ProcessingSettings:
-    """All that a profile and its assessment depend on, but for the recording and this version."""
+    """Everything that a profile and its assessment depend on, except the recording and the software version."""
 
     vehicle: Vehicle
     installation: Installation
@@ -131,20 +131,20 @@ class ProcessingSettings:
 
 
 def process_recording(job: Job) -> JobResult:
-    """Bring one recording into the store; what this package refuses is an outcome, all else is raised."""
+    """Process one recording into the store; an error of this package is a result, any other exception is raised."""
     wall, cpu = time.perf_counter(), time.process_time()
     try:
-        state, entry = _brought(job)
+        state, entry = _process(job)
         reason = ""
     except TrackprofileError as error:
-        said = " ".join(str(error).split())
-        state, entry, reason = State.FAILED, None, said.removeprefix(f"{job.row.file}: ")
+        message = " ".join(str(error).split())
+        state, entry, reason = State.FAILED, None, message.removeprefix(f"{job.row.file}: ")
     return JobResult(
         job.row, state, reason, entry, time.perf_counter() - wall, time.process_time() - cpu
     )
 
 
-def _brought(job: Job) -> tuple[State, Entry]:
+def _process(job: Job) -> tuple[State, Entry]:
     from trackprofile.assessment.assess import assess
     from trackprofile.contracts import Rail, select_rail
     from trackprofile.inference.infer import estimate
@@ -154,24 +154,23 @@ def _brought(job: Job) -> tuple[State, Entry]:
 
     if job.software != __version__:
         raise FileError(
-            f"The worker has trackprofile {__version__}, this night is of {job.software}; "
+            f"The worker has trackprofile {__version__}, this batch needs {job.software}; "
             "give all workers the same version."
         )
     row, store = job.row, open_store(job.store)
     recording = recording_of(row)
-    means = means_of(row, recording)
-    place, origin = row.place, _origin(row, recording, means)
+    settings = processing_settings(row, recording)
+    place, origin = row.place, _origin(row, recording, settings)
     entry = _stored(store, place, origin)
     if entry is not None:
         return State.THERE, entry
-    found = estimate(
-        recording,
-        means.vehicle,
-        InferenceSettings(installation=means.installation, track=means.track, prior=means.prior),
-    )
-    profile = _on_the_line(found.profile, row.offset)
+    inference = InferenceSettings(settings.installation, settings.track, settings.prior)
+    result = estimate(recording, settings.vehicle, inference)
+    profile = _on_the_line(result.profile, row.offset)
     spectra = {name: read_roughness(name) for name in presets("spectrum")}
-    assessment = assess(select_rail(profile, Rail.MEAN), means.limits, row.speed, spectra=spectra)
+    assessment = assess(
+        select_rail(profile, Rail.MEAN), settings.limits, row.speed, spectra=spectra
+    )
     return State.STORED, add(store, place, profile, assessment, origin).entry
 
 
@@ -188,7 +187,7 @@ def _stored(store: Store, place: PassKey, origin: Origin) -> Entry | None:
 
 
 def recording_of(row: Row) -> xr.Dataset:
-    """What a row takes of its recording."""
+    """The recording of a row, restricted to the row's stretch."""
     from trackprofile.contracts import select_stretch
     from trackprofile.reader import read
 
@@ -201,8 +200,8 @@ def recording_of(row: Row) -> xr.Dataset:
     return select_stretch(recording, start, end)
 
 
-def means_of(row: Row, recording: xr.Dataset) -> ProcessingSettings:
-    """All that a row's profile depends on but for its recording, read."""
+def processing_settings(row: Row, recording: xr.Dataset) -> ProcessingSettings:
+    """The settings of a row, read from its presets and files."""
     from trackprofile.assessment.limits_toml import read_limits
     from trackprofile.io.model_toml import read_spectrum, read_track
     from trackprofile.io.vehicle_of_recording import vehicle_of_recording
@@ -217,7 +216,7 @@ def means_of(row: Row, recording: xr.Dataset) -> ProcessingSettings:
     )
 
 
-def _origin(row: Row, recording: xr.Dataset, means: ProcessingSettings) -> Origin:
+def _origin(row: Row, recording: xr.Dataset, settings: ProcessingSettings) -> Origin:
     from trackprofile.contracts import legacy_fingerprint, recording_identity
     from trackprofile.store import Origin
 
@@ -225,24 +224,24 @@ def _origin(row: Row, recording: xr.Dataset, means: ProcessingSettings) -> Origi
         recording=recording_identity(recording),
         fingerprint=legacy_fingerprint(recording),
         source=row.file.name,
-        vehicle=means.vehicle.name,
+        vehicle=settings.vehicle.name,
         method="smoother",
-        track=_word(row.track),
-        prior="" if row.prior is None else _word(row.prior),
-        limits=means.limits.name,
+        track=_name(row.track),
+        prior="" if row.prior is None else _name(row.prior),
+        limits=settings.limits.name,
         speed=row.speed,
-        settings=means.digest(),
+        settings=settings.digest(),
         revision=row.revision,
     )
 
 
-def _word(name: str) -> str:
-    """A preset's name, or that of the file without its path: another machine's path makes no other version."""
+def _name(name: str) -> str:
+    """Name of a preset or of a file without its path, so that another machine's path makes no other version."""
     return Path(name).name
 
 
 def _on_the_line(profile: xr.Dataset, offset: float) -> xr.Dataset:
-    """A profile by the line's distance in place of the recording's."""
+    """A profile with the distance of the line instead of that of the recording."""
     from trackprofile.contracts import append_provenance
 
     if not offset:

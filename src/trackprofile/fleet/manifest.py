@@ -1,25 +1,25 @@
-"""The manifest: which recordings a night brings, and what is known of each.
+"""The manifest of a batch: its recordings, and the settings of each.
 
-    line = "Testline"                       # what holds of all that do not say otherwise
+    line = "Testline"                       # default of all recordings
     direction = "up"
     day = 2026-05-31
-    vehicle = "velaro"                      # a preset, or a TOML beside this file; else the recording's own
-    track = "zhai"                          # else rigid
-    prior = "german-low"                    # else found from the data
+    vehicle = "velaro"                      # a preset, or a TOML next to this file; default: that of the recording
+    track = "zhai"                          # default: rigid
+    prior = "german-low"                    # default: estimated from the data
     limits = "en-13848"
     speed = "160 km/h"                      # of the line
 
     [[recording]]
-    file = "runs/0412.toml"                 # beside this file, as all paths
+    file = "runs/0412.toml"                 # path relative to this file
     run = "IC 512"                          # tells the passes of one day apart
-    offset = "12.5 km"                      # where the line's distance is when the recording's is 0
-    start = "13 km"                         # what is taken of it, by the line's distance; else all
+    offset = "12.5 km"                      # distance of the line where that of the recording is 0
+    start = "13 km"                         # stretch by the distance of the line; default: all
     end = "18 km"
     vehicle = "car-7.toml"
-    revision = 1                            # of what stands in the store more than once, the greatest is shown
+    revision = 1                            # the highest revision of a recording is shown
 
-Instead of, or beside, the tables ``[[recording]]`` stands ``table = "night.csv"``: a CSV with these keys for columns
-and a recording a row; an empty cell says nothing. Such a CSV is a manifest too, if its rows say everything.
+``table = "batch.csv"`` can replace or extend the tables ``[[recording]]``: a CSV with these keys as columns and one
+recording per row; an empty cell means the default. Such a CSV is a manifest by itself if its rows are complete.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ SUFFIXES = (".toml", TABLE)
 
 
 def _day(value: object) -> object:
-    """A date as text is a date too: a CSV knows no others."""
+    """A date, also given as text, as in a CSV."""
     try:
         return date.fromisoformat(value) if isinstance(value, str) else value
     except ValueError as error:
@@ -53,7 +53,7 @@ def _day(value: object) -> object:
 
 
 def _number(value: object) -> object:
-    """So is a whole number."""
+    """A whole number, also given as text."""
     return int(value) if isinstance(value, str) and value.isdecimal() else value
 
 
@@ -61,7 +61,7 @@ _Text = Annotated[str, Field(min_length=1)]
 
 
 class _Said(toml_document.Strict):
-    """What may be said of one recording, or of all."""
+    """Settings of one recording, or defaults of all."""
 
     line: _Text | None = None
     direction: _Text | None = None
@@ -95,7 +95,7 @@ _USUAL: Mapping[str, Any] = {
 
 
 def read_manifest(path: str | Path) -> tuple[Row, ...]:
-    """The recordings of a manifest, each with all that holds of it, checked but not read.
+    """The recordings of a manifest, each with its settings, checked but not read.
 
     Raises
     ------
@@ -104,9 +104,9 @@ def read_manifest(path: str | Path) -> tuple[Row, ...]:
 
     Examples
     --------
-    >>> read_manifest("night.docx")
+    >>> read_manifest("batch.docx")
     Traceback (most recent call last):
-    trackprofile.errors.FileError: night.docx: expected a manifest that ends in .toml, .csv.
+    trackprofile.errors.FileError: batch.docx: expected a manifest that ends in .toml, .csv.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
@@ -136,7 +136,7 @@ def _stated(said: _Said) -> dict[str, Any]:
 
 
 def _of_table(path: Path) -> list[_Recording]:
-    """The recordings of a CSV; its separator is the one that its header has."""
+    """The recordings of a CSV; the separator is that of its header."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -173,7 +173,7 @@ def _row(path: Path, number: int, file: str, said: Mapping[str, Any]) -> Row:
 
 
 def _found(name: str | None, known: Sequence[str], beside: Path) -> str | None:
-    """A preset's name as it is, else the path of the file beside the manifest."""
+    """A preset's name unchanged, otherwise the path of the file relative to the manifest."""
     if name is None or (name in known and not (beside / name).is_file()):
         return name
     return str(beside / name)
@@ -189,7 +189,7 @@ _MODELS: Mapping[str, tuple[Callable[[], Sequence[str]], Callable[[str], object]
 
 
 def _check_models(path: Path, rows: Sequence[Row]) -> None:
-    """See that every vehicle, track, prior and limits can be read, each once."""
+    """Check that every vehicle, track, prior and limit set can be read."""
     for key, (_, read) in _MODELS.items():
         first = {name: row for row in reversed(rows) if (name := getattr(row, key)) is not None}
         for name, row in first.items():

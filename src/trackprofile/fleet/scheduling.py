@@ -1,8 +1,8 @@
-"""Jobs given to Dask, as many at a time as there are workers, until each has a result or a reason why it has none.
+"""Submission of jobs to Dask, as many at a time as there are workers, until each has a result or a reason of failure.
 
-One job per worker is under way, none waits on a worker: a worker that dies takes down its own job only, and what waits
-goes to whoever is there. A job whose worker died, or that failed for an unforeseen reason, is given out again, so often
-and no more.
+Each worker has one job, and no job waits at a worker: a worker that dies affects its own job only, and waiting jobs go
+to any free worker. A job whose worker died, or that raised an unexpected exception, is retried a limited number of
+times.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from distributed import Client
 
 POLL = 0.02
-"""s between looks at what is done."""
+"""Interval of checks for ended jobs, s."""
 
 COUNT = 2.0
-"""s between counts of the workers."""
+"""Interval of counts of the workers, s."""
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -35,14 +35,14 @@ def done(
     retries: int,
     counted: Callable[[int], None] = lambda workers: None,
 ) -> Iterator[tuple[str, Result | Exception]]:
-    """Each job's name with its result, or the exception that it ended with, in the order of their ends.
+    """Run jobs; each job's name with its result or exception, in the order in which they end.
 
     Parameters
     ----------
     work : a function that workers can import; doing a job twice must be harmless
     jobs : by names that are unique on the scheduler
     retries : of a job that raised an exception
-    counted : told how many workers there are, every `COUNT` seconds
+    counted : called with the number of workers, every `COUNT` seconds
 
     Raises
     ------
@@ -56,7 +56,7 @@ def done(
         while waiting or running:
             if client.status != "running":
                 _await_scheduler(client)
-                # It has forgotten what it was given, or is another.
+                # A restarted scheduler does not know the jobs.
                 waiting.extendleft(running.values())
                 running.clear()
                 ended.clear()
@@ -80,7 +80,7 @@ def done(
 
 
 def _checked(error: Exception) -> Exception:
-    """What a job raised; what would befall every job is raised here."""
+    """The exception of a job; one that every job would raise is raised here."""
     if isinstance(error, RuntimeError) and "deserialization of the task graph" in str(error):
         raise FileError(
             "The Dask scheduler cannot import trackprofile; give scheduler, workers and this command the same "
@@ -90,7 +90,7 @@ def _checked(error: Exception) -> Exception:
 
 
 class _Workers:
-    """How many jobs can run at a time, asked now and then."""
+    """Number of jobs that can run at a time, updated every `COUNT` seconds."""
 
     def __init__(self, client: Client, counted: Callable[[int], None]) -> None:
         self._client, self._counted = client, counted
@@ -101,7 +101,7 @@ class _Workers:
             self._asked = time.monotonic()
             try:
                 threads = cast(Mapping[str, int], self._client.nthreads())
-            except OSError:  # the line broke just now: `done` sees to it
+            except OSError:  # the connection broke: `done` handles it
                 return 0
             self._number = sum(threads.values())
             self._counted(self._number)
@@ -109,7 +109,7 @@ class _Workers:
 
 
 def _await_scheduler(client: Client) -> None:
-    """Wait while the client calls a scheduler that does not answer; it gives up in the end."""
+    """Wait while the client reconnects to the scheduler, until its timeout."""
     while client.status == "connecting":
         time.sleep(POLL)
     if client.status != "running":
