@@ -41,9 +41,8 @@ unit-test: $(READY) ## run all tests except the acceptance tests
 
 docs: docs-build docs-examples ## build the manual into docs/_build/html and run its examples
 
-docs-build: $(READY) ## build the manual and run the Python examples in it
+docs-build: $(READY) ## build the manual into docs/_build/html
 	$(BIN)/sphinx-build -q -W --keep-going -n -E -d docs/_build/doctrees docs docs/_build/html
-	$(BIN)/sphinx-build -q -W --keep-going -n -b doctest -d docs/_build/doctrees docs docs/_build/doctest
 
 docs-examples: $(READY) ## run the commands that the manual shows and compare their output
 	$(BIN)/pytest -q -rs -n auto -m "" tests/test_manual.py

@@ -139,7 +139,7 @@ def test_command_lists_the_content_of_the_file(
     main(["inspect", "logger.csv", "-o", "run.toml"])  # exits where the command fails
     printed = capsys.readouterr()
     assert "Nickrate Drehgestell [°/s]" in printed.out
-    assert "As guessed it is a recording of 300 samples, 80 to 80 km/h." in printed.err
+    assert "With this guess the file is a recording of 300 samples, 80 to 80 km/h." in printed.err
 
 
 @pytest.mark.parametrize("contents", [b"", b"\x00\x01" * 40, b"only words\nand more\n"])
