@@ -369,7 +369,7 @@ def test_the_commands_tell_rails_apart(boxes, tmp_path: Path, capsys) -> None:
     assert "its elevation is used as that of the left" in other.err
     run("assess", profile, "--speed", "80 km/h", "-o", tmp_path / "tables.csv")
     said = capsys.readouterr().out
-    assert all(f"\n{whose}: " in said for whose in ("Left", "Right", "Mean"))
+    assert all(f"\n{whose}: Assessed length: " in said for whose in ("Left", "Right", "Mean"))
     rows = (tmp_path / "tables-sections.csv").read_text().splitlines()
     assert {row.split(",")[0].strip('"') for row in rows} == {"rail", "left", "right", "mean"}
     run("assess", profile, "--speed", "80 km/h", "--rail", "right")
