@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,6 +24,7 @@ from trackprofile.contracts.identity import RECORDING, RECORDING_FINGERPRINT
 from trackprofile.errors import FileError, MissingExtraError, TrackprofileError
 from trackprofile.io import format_to_write, write
 from trackprofile.io.atomic import check_writable, whole_files
+from trackprofile.methods.method import MethodResult
 from trackprofile.reader import read
 from trackprofile.reporting.figures import (
     interactive_figure,
@@ -37,23 +38,6 @@ from trackprofile.scenario import SOURCE, SimulatedRun
 
 FIGURE_SUFFIXES = (".html", ".png")
 NO_FIGURES = "No figures were drawn: they need pip install 'trackprofile[plot]'"
-
-
-class InferenceResult(Protocol):
-    """Result of any method of `infer`; see `trackprofile.inference.infer.Estimate`."""
-
-    @property
-    def profile(self) -> xr.Dataset: ...
-    @property
-    def used_signals(self) -> Mapping[str, NDArray[np.float64]]: ...
-    @property
-    def reproduced(self) -> Mapping[str, NDArray[np.float64]]: ...
-    @property
-    def sample_distance(self) -> NDArray[np.float64]: ...
-    @property
-    def notes(self) -> tuple[str, ...]: ...
-    @property
-    def figures(self) -> Mapping[str, float]: ...
 
 
 def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
@@ -78,7 +62,7 @@ def estimate_files(profile: str | Path) -> tuple[Path, Path, Path]:
 
 
 def write_estimate(
-    estimate: InferenceResult, recording: xr.Dataset, profile: str | Path
+    estimate: MethodResult, recording: xr.Dataset, profile: str | Path
 ) -> tuple[Path, ...]:
     """Write a profile and its HTML and PNG figures: all files, or none.
 
@@ -222,7 +206,7 @@ def simulation_summary(run: SimulatedRun, changes: Mapping[str, float]) -> dict[
     }
 
 
-def summary(estimate: InferenceResult) -> dict[str, Any]:
+def summary(estimate: MethodResult) -> dict[str, Any]:
     """Extent, uncertainty and quality of a profile, for JSON."""
     profile = estimate.profile
     distance, quality = profile["distance"].to_numpy(), profile["quality"].to_numpy()
